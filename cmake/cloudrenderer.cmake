@@ -1,0 +1,34 @@
+# One small library per folder. cloudrenderer_library(name SOURCES ... LINK ...) and cloudrenderer_test(name LABEL ...).
+add_library(cloudrenderer_options INTERFACE)
+target_include_directories(cloudrenderer_options INTERFACE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/include)
+# The same bits on every host: no contraction, no fast-math, one instruction set for the whole program.
+target_compile_options(cloudrenderer_options INTERFACE
+  -ffp-contract=off -fno-math-errno -fno-trapping-math
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion $<$<BOOL:${CLOUDRENDERER_WERROR}>:-Werror>)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  target_compile_options(cloudrenderer_options INTERFACE -march=x86-64-v3)
+endif()
+if(CLOUDRENDERER_SANITIZE)
+  target_compile_options(cloudrenderer_options INTERFACE -fsanitize=${CLOUDRENDERER_SANITIZE} -fno-omit-frame-pointer)
+  target_link_options(cloudrenderer_options INTERFACE -fsanitize=${CLOUDRENDERER_SANITIZE})
+endif()
+
+function(cloudrenderer_library name)
+  cmake_parse_arguments(A "" "" "SOURCES;LINK" ${ARGN})
+  add_library(${name} STATIC ${A_SOURCES})
+  target_link_libraries(${name} PUBLIC cloudrenderer_options ${A_LINK})
+endfunction()
+
+# A test program: every file in SOURCES, run as one ctest per case, labelled.
+function(cloudrenderer_test name)
+  cmake_parse_arguments(A "" "LABEL;TIMEOUT" "SOURCES;LINK" ${ARGN})
+  if(NOT A_TIMEOUT)
+    set(A_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${A_SOURCES})
+  target_link_libraries(${name} PRIVATE cloudrenderer_options ${A_LINK} GTest::gtest GTest::gtest_main)
+  target_compile_definitions(${name} PRIVATE CLOUDRENDERER_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    CLOUDRENDERER_SHARED_DIR="${PROJECT_SOURCE_DIR}/../shared")
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT})
+endfunction()

@@ -1,0 +1,89 @@
+#pragma once
+// Warps of the unit square with their densities, and piecewise constant distributions.
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/portable_math.h"
+#include "cloudrenderer/math.h"
+
+namespace cloudrenderer {
+
+// Concentric map of the unit square to the unit disk (Shirley and Chiu 1997). Density 1/pi.
+inline Vec2 sample_disk(const Vec2& u) {
+  const float a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
+  if (a == 0.f && b == 0.f) return {0.f, 0.f};
+  float r, phi, s, c;
+  if (a * a > b * b) {
+    r = a;
+    phi = (kPi / 4) * (b / a);
+    portable::sincos(phi, s, c);
+  } else {
+    r = b;
+    phi = (kPi / 4) * (a / b);
+    portable::sincos(phi, c, s);  // pi/2 - phi
+  }
+  return {r * c, r * s};
+}
+// Density cos(theta)/pi over the hemisphere around z.
+inline Vec3 sample_cosine_hemisphere(const Vec2& u) {
+  const Vec2 d = sample_disk(u);
+  return {d.x, d.y, std::sqrt(std::max(0.f, 1.f - d.x * d.x - d.y * d.y))};
+}
+// Density 1/(2 pi).
+inline Vec3 sample_uniform_hemisphere(const Vec2& u) {
+  const float z = u.x, r = std::sqrt(std::max(0.f, 1.f - z * z));
+  float s, c;
+  portable::sincos(2 * kPi * u.y, s, c);
+  return {r * c, r * s, z};
+}
+// Density 1/(4 pi).
+inline Vec3 sample_uniform_sphere(const Vec2& u) {
+  const float z = 1.f - 2.f * u.x, r = std::sqrt(std::max(0.f, 1.f - z * z));
+  float s, c;
+  portable::sincos(2 * kPi * u.y, s, c);
+  return {r * c, r * s, z};
+}
+// Barycentrics (b0, b1) of a uniform point of a triangle (Heitz 2019, low distortion).
+inline Vec2 sample_triangle(Vec2 u) {
+  if (u.x < u.y) {
+    u.x *= 0.5f;
+    u.y -= u.x;
+  } else {
+    u.y *= 0.5f;
+    u.x -= u.y;
+  }
+  return u;
+}
+
+// A piecewise constant density over [0, 1). Non-negative values; all zero behaves as uniform.
+class Distribution1D {
+ public:
+  Distribution1D() = default;
+  explicit Distribution1D(std::span<const float> values);
+  std::size_t size() const { return values_.size(); }
+  float integral() const { return integral_; }  // mean of the values
+  // u in [0, 1) -> x in [0, 1); pdf is the density at x; `cell` the index of the piece.
+  float sample(float u, float& pdf, std::size_t& cell) const;
+  float pdf(float x) const;
+  float cell_probability(std::size_t cell) const;
+
+ private:
+  std::vector<float> values_, cdf_;  // cdf_ has size() + 1 entries, first 0, last 1
+  float integral_ = 0;
+};
+
+// A piecewise constant density over the unit square, row v first.
+class Distribution2D {
+ public:
+  Distribution2D() = default;
+  Distribution2D(std::span<const float> values, std::size_t width, std::size_t height);
+  Vec2 sample(const Vec2& u, float& pdf) const;
+  float pdf(const Vec2& p) const;
+
+ private:
+  std::vector<Distribution1D> rows_;
+  Distribution1D marginal_;
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,95 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/log.h"
+#include "cloudrenderer/math.h"
+#include "scene/description.h"
+
+namespace cloudrenderer {
+
+__extension__ typedef __int128 Int128;
+
+// Radiance in fixed point: units of 2^-k, k fixed per job. Sums do not depend on their order.
+using Fixed3 = std::array<std::int64_t, 3>;
+
+// Rounds a contribution once to fixed point. Out-of-range values are clamped to +-2^62 and `clamped` is set.
+// The input is finite.
+Fixed3 quantise(const Rgb& c, int k, bool& clamped);
+
+// What a pixel has got so far; half h holds the samples s with (s & 1) == h.
+struct PixelSums {
+  std::array<std::array<Int128, 3>, 2> sum{};
+  std::array<std::uint32_t, 2> count{};
+  void add(const Fixed3& v, std::uint32_t sample);
+  void merge(const PixelSums& other);
+};
+
+// The pixels that are rendered: the film's resolution and crop window, [x0, x1) x [y0, y1).
+struct FilmFrame {
+  std::uint32_t width = 0, height = 0;  // full resolution
+  std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  std::uint32_t crop_width() const { return x1 - x0; }
+  std::uint32_t crop_height() const { return y1 - y0; }
+  std::uint64_t pixels() const { return std::uint64_t{crop_width()} * crop_height(); }
+  friend bool operator==(const FilmFrame&, const FilmFrame&) = default;
+};
+
+struct FilmOptions {
+  FilmFrame frame;
+  std::string filename;      // of the scene's Film directive
+  float scale = 1;           // v3 "scale"
+  float max_sample_luminance = kInfinity;  // v3 "maxsampleluminance"
+};
+// Reads `Film` with pbrt's rounding of crop windows (ceil). Throws SceneError.
+FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings);
+
+// A picture, linear RGB, row by row.
+struct Image {
+  std::uint32_t width = 0, height = 0;
+  std::vector<Rgb> pixels;
+};
+
+// The whole film on the manager. Not thread-safe.
+class Film {
+ public:
+  Film(const FilmFrame& frame, int k) : frame_(frame), k_(k), sums_(frame.pixels()) {}
+  const FilmFrame& frame() const { return frame_; }
+  int k() const { return k_; }
+  PixelSums& at(std::uint32_t x, std::uint32_t y) {  // full-resolution coordinates inside the crop window
+    return sums_[std::size_t{y - frame_.y0} * frame_.crop_width() + (x - frame_.x0)];
+  }
+  std::span<PixelSums> sums() { return sums_; }
+  std::span<const PixelSums> sums() const { return sums_; }
+  Image image(float scale) const;        // sum / count * scale, rounded once; black where count is 0
+  // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (mean^2 + 0.01), a and b the means of
+  // the two halves; pixels without both halves are left out; 0 if there is none.
+  double estimated_relmse(float scale) const;
+
+ private:
+  FilmFrame frame_;
+  int k_;
+  std::vector<PixelSums> sums_;
+};
+
+// Writes .exr (half or float as asked; data and display window from the frame), .png (sRGB 8 bit), by file name;
+// `metadata` goes into the EXR header. Writes to a temporary name and renames. Throws std::runtime_error with the reason.
+void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
+                 const std::map<std::string, std::string>& metadata);
+// Reads R, G, B of an image file as linear floats. Throws std::runtime_error.
+Image read_image(const std::string& path);
+
+struct ImageDifference {
+  double mse = 0, relmse = 0, relmse_trimmed = 0, psnr = 0, largest = 0;
+  std::array<double, 3> mean_ratio{};   // a / b per channel, pixels that are saturated outliers in b left out
+  bool identical = false;
+};
+// a against reference b. Throws std::runtime_error for different sizes or NaN/infinity in either.
+ImageDifference compare_images(const Image& a, const Image& b);
+
+}  // namespace cloudrenderer

@@ -1,0 +1,112 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/id.h"
+#include "cloudrenderer/math.h"
+#include "shapes/geometry.h"
+
+namespace cloudrenderer {
+
+inline constexpr std::uint32_t kNone = 0xffffffffu;
+
+// A run of triangles of one shape inside a part.
+struct MeshChunk {
+  std::uint32_t shape = 0;           // global shape id, from the order of the source file (inside a prototype: local)
+  std::uint32_t material = kNone;    // index into SceneDescription::materials
+  std::uint32_t light = kNone;       // running number of the emissive shape (main scene only), see Manifest
+  std::uint32_t alpha_texture = kNone;  // index into SceneDescription::textures: a hit where it is 0 is no hit
+  std::uint32_t shadow_alpha_texture = kNone;
+  std::uint32_t first_triangle = 0, triangle_count = 0;
+  std::uint32_t first_vertex = 0, vertex_count = 0;
+  std::uint32_t first_normal = kNone;  // index of the first of vertex_count normals, or none
+  std::uint32_t first_uv = kNone;      // likewise
+  std::uint32_t first_primitive = 0;   // source triangle number of the first triangle, when they are consecutive ...
+  std::uint32_t primitive_ids = kNone; // ... else the index of the first of triangle_count entries of primitive_ids
+  std::uint32_t flip = 0;              // reverse_orientation xor swaps_handedness: the geometric normal is flipped
+};
+
+struct QuadricRecord {
+  Quadric quadric;
+  std::uint32_t shape = 0, material = kNone, light = kNone, alpha_texture = kNone;
+  std::uint32_t flip = 0;
+};
+
+struct InstanceRecord {
+  Transform to_world;
+  std::uint32_t prototype = 0;    // index of the prototype blob
+  std::uint32_t first_shape = 0;  // global shape id of the prototype's local shape 0 in this instance
+};
+
+// The geometry of one part or one prototype: arrays, nothing built. The spans point into `owner` (a mapped file or a
+// block of memory), which the part shares. Triangle indices count from the part's first vertex. positions are
+// followed by at least 16 readable bytes (Embree's rule for shared buffers).
+struct Part {
+  std::span<const Vec3> positions;
+  std::span<const Vec3> normals;
+  std::span<const Vec2> uvs;
+  std::span<const Triangle> triangles;
+  std::span<const std::uint32_t> primitive_ids;
+  std::span<const MeshChunk> chunks;         // in the order of first_triangle
+  std::span<const QuadricRecord> quadrics;
+  std::span<const InstanceRecord> instances;
+  std::shared_ptr<const void> owner;
+
+  // The chunk that holds a triangle: a binary search.
+  const MeshChunk& chunk_of(std::uint32_t triangle) const {
+    std::size_t lo = 0, hi = chunks.size();
+    while (hi - lo > 1) {
+      const std::size_t mid = (lo + hi) / 2;
+      (chunks[mid].first_triangle <= triangle ? lo : hi) = mid;
+    }
+    return chunks[lo];
+  }
+  std::uint32_t source_primitive(const MeshChunk& c, std::uint32_t triangle) const {
+    const std::uint32_t i = triangle - c.first_triangle;
+    return c.primitive_ids == kNone ? c.first_primitive + i : primitive_ids[c.primitive_ids + i];
+  }
+};
+
+// Reads a part from the bytes of a part file (see src/parts/README.md), checking every length, index and the checksum.
+// `owner` keeps `bytes` alive; bytes.data() is 16-byte aligned.
+Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
+// Maps and reads a part file.
+Result<Part> read_part_file(const std::string& path);
+
+// What every host knows of a part.
+struct PartInfo {
+  std::vector<Bounds3> boxes;        // a few tight boxes that together hold the part (top of its BVH); never empty
+  std::uint64_t file_bytes = 0;      // of the part file
+  std::uint64_t loaded_bytes = 0;    // predicted: vertices, indices and BVH
+  std::uint64_t triangles = 0;       // instanced ones not counted
+  std::vector<std::uint32_t> prototypes;  // that its instances need
+};
+
+struct PrototypeInfo {
+  std::string name;
+  Bounds3 bounds;
+  std::uint64_t file_bytes = 0, loaded_bytes = 0, triangles = 0;
+  std::uint32_t shapes = 0;
+};
+
+// The whole of a split scene but its geometry.
+struct Manifest {
+  SceneDescription scene;
+  std::vector<PartInfo> parts;            // [0] is the main scene's geometry (may be empty of shapes)
+  std::vector<PrototypeInfo> prototypes;
+  // AreaLightSource of every emissive shape, by running number (MeshChunk::light, QuadricRecord::light).
+  std::vector<AreaLightId> shape_lights;
+  std::uint64_t total_triangles = 0;      // distinct ones
+  Bounds3 bounds;                         // of the whole scene
+  std::uint64_t content_hash = 0;         // of everything above and all part files: names this split
+};
+
+// Protobuf bytes of a manifest (schema: src/parts/manifest.proto) and back.
+std::string encode(const Manifest& m);
+Result<Manifest> decode_manifest(std::span<const std::byte> bytes);
+
+}  // namespace cloudrenderer

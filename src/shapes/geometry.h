@@ -1,0 +1,68 @@
+#pragma once
+#include <cstdint>
+#include <variant>
+#include <vector>
+
+#include "base/bulk_array.h"
+#include "base/log.h"
+#include "cloudrenderer/math.h"
+#include "scene/description.h"
+
+namespace cloudrenderer {
+
+using Triangle = glm::u32vec3;  // three vertex indices
+
+// Triangles in world space (or in the space of the prototype).
+struct TriangleMesh {
+  BulkArray<Vec3> positions;
+  BulkArray<Vec3> normals;   // empty, or one a vertex; not normalised as given
+  BulkArray<Vec2> uvs;       // empty, or one a vertex; when empty every triangle has (0,0) (1,0) (1,1)
+  BulkArray<Triangle> triangles;  // every index < positions.size()
+};
+
+enum class QuadricKind : std::uint32_t { sphere, cylinder, disk, cone, paraboloid, hyperboloid };
+
+// An exact analytic shape in object space, with pbrt's parametrisation. Plain data: it is stored in parts as it is.
+struct Quadric {
+  QuadricKind kind = QuadricKind::sphere;
+  float radius = 1, inner_radius = 0, height = 0;
+  float z_min = -1, z_max = 1;
+  float phi_max = 2 * kPi;  // radians
+  Vec3 p1{}, p2{};          // hyperboloid
+  Transform object_to_world;
+};
+
+using ShapeGeometry = std::variant<TriangleMesh, Quadric>;
+
+// Builds the geometry of a shape. Throws SceneError for parameters that make no shape; degenerate triangles are kept
+// (Embree never reports them), and an unknown or unsupported kind is a warning and gives an empty mesh.
+// Files (PLY) are named by absolute path in the parameters.
+ShapeGeometry make_geometry(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
+
+Bounds3 world_bounds(const Quadric& q);
+float surface_area(const Quadric& q);  // of the whole shape in world space; exact for similarity transforms
+
+// What a ray finds on a quadric. t is in units of the world ray's direction.
+struct QuadricHit {
+  float t = kInfinity;
+};
+// The nearest hit with t_min < t <= t_max, computed without cancellation; a pure function of its arguments.
+// The ray is in world space (or prototype space).
+bool intersect(const Quadric& q, const Vec3& origin, const Vec3& direction, float t_min, float t_max, QuadricHit& hit);
+
+// A point of a surface, made from a hit: all that shading needs to know of geometry.
+struct SurfacePoint {
+  Vec3 p{};            // world
+  Vec3 p_error{};      // absolute bound of the error of p, each axis, so that new rays can start outside of it
+  Vec3 ng{};           // unit geometric normal, on the side that pbrt calls outside (orientation, handedness applied)
+  Vec3 ns{};           // unit shading normal, in the hemisphere that pbrt gives it
+  Vec2 uv{};
+  Vec3 dpdu{}, dpdv{};  // of the surface
+  Vec3 dndu{}, dndv{};  // of the shading normal
+  Vec3 shading_dpdu{};  // the tangent of the shading frame, orthogonal to ns, not normalised
+};
+
+// `flip` is reverse_orientation xor object_to_world.swaps_handedness().
+SurfacePoint surface_point(const Quadric& q, bool flip, const Vec3& origin, const Vec3& direction, float t);
+
+}  // namespace cloudrenderer
