@@ -1,0 +1,98 @@
+#pragma once
+// What a compute thread can be asked to do with batches of paths. The real one (PathTracer) works on the resident
+// scene; the simulation of the cluster may use it on a small scene or a made-up one with the same rules.
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/id.h"
+#include "integrator/path_segment.h"
+
+namespace cloudrenderer {
+
+// A hit on a part that this host holds. Local to the host: never sent.
+struct Hit {
+  float t = kInfinity;
+  float u = 0, v = 0;                  // barycentrics of triangles
+  std::uint32_t part = 0xffffffffu;    // the resident part, or none: nothing hit here (t, shape, primitive may be a
+                                       // better hit of another host)
+  std::uint32_t instance = 0xffffffffu;  // index in the part's instances
+  std::uint32_t geometry = 0;          // 0: triangles, 1: quadrics
+  std::uint32_t index = 0;             // triangle or quadric in the part or prototype
+  std::uint32_t shape = 0xffffffffu;   // global ids, for the order of hits
+  std::uint32_t primitive = 0xffffffffu;
+};
+
+// Segments of a batch with what has been found for each; arrays of equal length.
+struct SegmentBatch {
+  std::vector<PathSegment> segments;
+  std::vector<Hit> hits;
+  // After trace() or route(): the nearest untested candidate part that starts before the hit and is not resident
+  // here (the segment must move to a holder of it), or none: the segment can be shaded here.
+  std::vector<PartId> next;
+
+  std::size_t size() const { return segments.size(); }
+};
+
+// A shadow ray that no resident part blocks, and that must still be asked of other hosts.
+struct ShadowAsk {
+  OcclusionRay ray;
+  std::uint32_t parked = 0;   // index into ShadeOutput::parked
+  std::uint32_t pending = 0;  // index into the list of parts: first of `part_count` untested candidate parts
+  std::uint32_t part_count = 0;
+  Fixed3 contribution{};      // added to the path when the answer is "free"
+};
+
+// A path that waits for the answers to its asks before it goes on or ends.
+struct ParkedPath {
+  PathSegment segment;  // its radiance lacks the contributions still asked for
+  bool ended = false;   // ends when answered; else becomes a new segment to trace
+  bool invalid = false; // a contribution was not finite and was dropped
+  bool clamped = false;
+};
+
+struct RayCounts {
+  std::uint64_t camera = 0, bounce = 0, shadow = 0, clamped = 0, invalid = 0;
+  RayCounts& operator+=(const RayCounts& o) {
+    camera += o.camera;
+    bounce += o.bounce;
+    shadow += o.shadow;
+    clamped += o.clamped;
+    invalid += o.invalid;
+    return *this;
+  }
+};
+
+struct ShadeOutput {
+  std::vector<PathSegment> continuing;  // new segments, to be traced (here first)
+  std::vector<PathEnd> ended;
+  std::vector<ParkedPath> parked;
+  std::vector<ShadowAsk> asks;          // at most one a parked path
+  std::vector<std::uint32_t> ask_parts; // see ShadowAsk::pending
+  RayCounts counts;
+};
+
+// All functions are const and may run on many threads at once. They are pure functions of their arguments, of the
+// scene, and of what is resident while they run.
+class PathEngine {
+ public:
+  virtual ~PathEngine() = default;
+  // Appends the camera segments number [first, first + count) of the range (pixel by pixel, samples innermost).
+  virtual void camera(const RendererRange& range, std::uint16_t owner, std::uint64_t first, std::uint64_t count,
+                      std::vector<PathSegment>& out) const = 0;
+  // Tests every resident candidate not yet tested. On entry hits[i] is what is known (a default Hit with t, shape,
+  // primitive of segments[i].best for a segment that just arrived, or an earlier local hit). Afterwards hits[i].part
+  // is set if this host has the nearest hit so far, segments[i].tested and best are updated, and next[i] is set.
+  virtual void trace(SegmentBatch& batch) const = 0;
+  // Sets next[i] again after segments[i].tested has changed (another host has answered "miss").
+  virtual void route(SegmentBatch& batch) const = 0;
+  // Shades every segment of the batch at its hit (all have next == none and a local hit, or no hit at all: escaped).
+  // Local occlusion is tested inside. The batch's contents are consumed.
+  virtual void shade(SegmentBatch& batch, ShadeOutput& out) const = 0;
+  // blocked[i] = 1 if anything resident here blocks rays[i].
+  virtual void occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const = 0;
+  // Film position of a segment's contribution, so that drivers can sum path ends: width of the full film.
+  virtual std::uint32_t film_width() const = 0;
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,69 @@
+#pragma once
+#include <array>
+#include <cstdint>
+
+#include "cloudrenderer/math.h"
+#include "film/film.h"
+
+namespace cloudrenderer {
+
+// The nearest hit found so far by hosts that a segment has visited; ordered by (t, shape, primitive).
+struct BestHit {
+  float t = kInfinity;
+  std::uint32_t shape = 0xffffffffu;
+  std::uint32_t primitive = 0xffffffffu;
+};
+
+enum SegmentFlag : std::uint16_t {
+  kSpecularBounce = 1,  // made by a specular lobe or the camera: emission counts in full
+  kAnyNonSpecular = 2,  // the path has scattered diffusely or glossily before
+};
+
+// One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
+// A path is a pure function of (job, pixel, sample); two copies of it are equal to the bit wherever they run.
+struct PathSegment {
+  Vec3 origin;
+  Vec3 direction;                    // unit
+  Vec3 throughput;
+  float previous_pdf = 0;            // solid angle density of the bounce that made this ray
+  Fixed3 radiance{};                 // gathered so far, units of 2^-k
+  Vec3 previous_normal;              // shading normal where the ray started: for the light choice's density (MIS)
+  BestHit best;                      // of hosts visited for this segment
+  std::uint64_t tested = 0;          // bit i: candidate i along the ray has been tested (see PartMap)
+  std::uint32_t task = 0;            // renderer task that the path belongs to (job-wide number)
+  std::uint32_t pixel = 0;           // y * full width + x
+  std::uint32_t sample = 0;
+  std::uint16_t owner = 0;           // host that owns the renderer task
+  std::uint16_t vertex = 0;          // surfaces scattered at so far
+  std::uint16_t flags = 0;
+  std::uint16_t reserved = 0;
+  float cone_width = 0, cone_spread = 0;  // footprint, when the scene needs it
+};
+
+// The end of a path, sent to the owner of its renderer task.
+struct PathEnd {
+  std::uint32_t task = 0, pixel = 0, sample = 0;
+  std::uint16_t owner = 0;
+  std::uint16_t flags = 0;  // kEndInvalid, kEndClamped
+  Fixed3 radiance{};
+};
+enum PathEndFlag : std::uint16_t { kEndInvalid = 1, kEndClamped = 2 };
+
+// A question to another host: is anything of what you hold between the ends of this ray? 28 bytes.
+struct OcclusionRay {
+  Vec3 origin;
+  Vec3 direction;  // unit
+  float t_max = 0;
+};
+
+// A tile x sample range of the film: the unit of work that the manager hands out.
+struct RendererRange {
+  std::uint32_t task = 0;
+  std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;    // full-resolution pixels
+  std::uint32_t sample_begin = 0, sample_end = 0;
+  std::uint64_t paths() const {
+    return std::uint64_t{x1 - x0} * (y1 - y0) * (sample_end - sample_begin);
+  }
+};
+
+}  // namespace cloudrenderer
