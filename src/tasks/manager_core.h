@@ -1,0 +1,172 @@
+#pragma once
+// The heart of the manager: who is there, who holds what, which renderer task is whose, and the film. A value, driven
+// like WorkerCore: receive(), tick(), take_outbox(); no socket, no clock, no thread.
+//
+// Life of a job: gathering (until min_hosts have joined) -> loading (until every part has a holder) -> rendering ->
+// ending (final counters) -> done. Hosts may join, leave and be lost in every phase.
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "film/film.h"
+#include "tasks/placement.h"
+#include "wire/messages.h"
+
+namespace cloudrenderer {
+
+struct ManagerOptions {
+  std::uint64_t incarnation = 1;
+  std::uint32_t min_hosts = 1;
+  std::uint32_t replication = 1;
+  double heartbeat_s = 0.5;
+  double lost_after_s = 10;      // without any message of a host
+  double end_wait_s = 3;         // for final counters
+  std::uint32_t tile = 32;       // pixels; smaller for small pictures
+  std::uint32_t round_samples = 16;  // samples per pixel of a round; rounds follow each other
+  bool hold_rounds = false;      // a round starts only after next_round()
+  double task_seconds = 5;       // of work at most
+  std::uint32_t first_generation = 1;
+  bool allow_inexact = false;
+};
+
+// What the core must know of the scene; the rest is the driver's.
+struct JobSpec {
+  wire::JobStart start;          // sent to every host as it is
+  FilmFrame frame;
+  int k = 0;
+  std::uint32_t spp = 1;
+  std::uint64_t seed = 0;
+  std::vector<PlacementPart> parts;            // [0] the main scene's geometry
+  std::vector<std::uint64_t> prototype_bytes;
+  std::vector<std::vector<std::string>> part_features;  // needed by the part; empty: none
+};
+
+class ManagerCore {
+ public:
+  enum class Phase { gathering, loading, rendering, ending, done, failed };
+  using Outbox = std::vector<std::pair<HostId, wire::Message>>;
+
+  ManagerCore(const ManagerOptions& options, JobSpec job);
+
+  // A host asks to join (its secret has been checked). Gives it a number, and queues Welcome and its orders; or says
+  // why it is refused: the driver then sends Refused.
+  Result<HostId> join(const wire::Hello& hello, double now);
+  void receive(HostId from, wire::Message message, double now);
+  // The driver knows that a host is gone for good (its connection ended and did not come back in time).
+  void host_lost(HostId host, double now);
+  void tick(double now);
+  double deadline() const { return next_tick_; }
+  Outbox take_outbox() { return std::exchange(outbox_, {}); }
+  // Hosts that the core has given up or let go since the last call: their links are to be closed.
+  std::vector<HostId> take_gone() { return std::exchange(gone_, {}); }
+
+  Phase phase() const { return phase_; }
+  bool finished() const { return phase_ == Phase::done || phase_ == Phase::failed; }
+  const std::string& error() const { return error_; }  // phase failed: for ClusterError
+
+  // No more tasks are handed out; the job ends when those on the way are in (--max-time, interrupt).
+  void stop(double now);
+  // Ends at once (interrupt): the film keeps what is there.
+  void cancel(const std::string& reason, double now);
+  // With hold_rounds: a round is complete, and the driver decides by the film: next_round() or stop().
+  bool round_complete() const;
+  void next_round(double now);
+  std::uint32_t complete_samples() const;  // samples per pixel of all complete rounds
+
+  Film& film() { return film_; }
+  const Film& film() const { return film_; }
+
+  struct HostReport {
+    wire::Hello hello;
+    double joined = 0;
+    std::optional<double> left;
+    bool lost = false;
+    wire::Status last;            // counters, as of the last status
+    double paths_done = 0;
+  };
+  const std::map<HostId, HostReport>& hosts() const { return reports_; }
+  struct Progress {
+    std::uint64_t paths_done = 0, paths_total = 0;
+    std::uint32_t hosts = 0, hosts_loading = 0;
+    std::uint64_t invalid_samples = 0, clamped_samples = 0;
+    std::uint32_t epoch = 0, generation = 0;
+    std::uint64_t dropped_messages = 0;
+    double render_began = 0, render_ended = 0;
+  };
+  Progress progress() const;
+  bool bit_exact() const { return bit_exact_; }
+
+ private:
+  struct Host {
+    wire::HostEntry entry;
+    wire::Hello hello;
+    double heard = 0;
+    bool started = false;          // has reported the job's main scene ready
+    bool leaving = false, final = false;
+    std::vector<PartId> holds;     // reported
+    std::vector<PartId> wanted;    // ordered or held
+    std::uint64_t outstanding_paths = 0;
+    std::uint32_t outstanding_tasks = 0;
+    wire::Status status;
+    double paths_per_s = 0;
+    double rate_since = 0;
+    std::uint64_t rate_paths = 0;
+  };
+  struct Outstanding {
+    RendererRange range;
+    HostId host;
+  };
+
+  void place_all(double now);
+  void order(HostId id, Host& h, const std::vector<PartId>& parts);
+  bool everything_held() const;
+  void new_map(bool generation);
+  void send_host_list();
+  void fill_entries(google::protobuf::RepeatedPtrField<wire::HostEntry>* out) const;
+  void handle_report(HostId from, Host& h, const wire::LoadReport& m, double now);
+  void handle_reply(HostId from, Host& h, wire::Reply& m, double now);
+  void handle_status(HostId from, Host& h, const wire::Status& m, double now);
+  void remove(HostId id, bool lost, double now);
+  void try_release(double now);
+  void hand_out(double now);
+  std::optional<RendererRange> next_range(std::uint64_t paths);
+  void give(HostId id, Host& h, RendererRange range);
+  void check_end(double now);
+  void fail(const std::string& why);
+  void begin_end(const std::string& reason, double now);
+  void send(HostId to, wire::Message m) { outbox_.emplace_back(to, std::move(m)); }
+
+  ManagerOptions options_;
+  JobSpec job_;
+  Film film_;
+  Phase phase_ = Phase::gathering;
+  std::string error_;
+  Outbox outbox_;
+  std::vector<HostId> gone_;
+  std::map<HostId, Host> hosts_;
+  std::map<HostId, HostReport> reports_;
+  std::uint32_t next_host_ = 1;
+  std::uint32_t epoch_ = 0, generation_ = 0;
+  std::optional<std::uint64_t> fingerprint_;
+  bool bit_exact_ = true;
+
+  // Renderer tasks: (round, tile) in order, a cursor inside the tile's samples, and ranges that came back.
+  std::uint32_t tile_ = 32, tiles_x_ = 0, tiles_y_ = 0;
+  std::uint32_t round_ = 0, allowed_rounds_ = 0, cursor_tile_ = 0, cursor_sample_ = 0;
+  std::vector<RendererRange> returned_;
+  std::map<std::uint32_t, Outstanding> outstanding_;
+  std::uint32_t next_task_ = 1;
+  bool stopped_ = false;
+  std::uint64_t unassigned_paths_ = 0;
+  std::uint64_t next_number_ = 1;
+
+  Progress progress_;
+  double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();
+};
+
+}  // namespace cloudrenderer

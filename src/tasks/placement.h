@@ -1,0 +1,36 @@
+#pragma once
+// Which part on which host (scene partition): a pure function of its arguments.
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/id.h"
+#include "cloudrenderer/math.h"
+
+namespace cloudrenderer {
+
+struct PlacementPart {
+  std::uint64_t bytes = 0;                 // loaded
+  Vec3 center{0.f};
+  std::vector<std::uint32_t> prototypes;   // that its instances need: counted once a host
+};
+struct PlacementHost {
+  HostId host;
+  std::uint64_t memory = 0;
+  std::vector<PartId> holds;               // stay where they are: a placement only adds
+};
+struct PlacementInput {
+  std::vector<PlacementPart> parts;        // [0] is the main scene's, on every host; in spatial order
+  std::vector<std::uint64_t> prototype_bytes;
+  std::vector<PlacementHost> hosts;
+  std::uint32_t min_replication = 1;
+  std::uint64_t seed = 0;
+};
+// For every host (same order) the parts that it shall hold, part 0 left out, ascending. Fails with a text for people
+// when a host cannot hold the main scene or not every part finds min_replication hosts (or all hosts, if there are
+// fewer). Room is left for the build of the largest part: 0.4 times its size.
+Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input);
+
+}  // namespace cloudrenderer

@@ -1,0 +1,235 @@
+#pragma once
+// The heart of a worker: tasks, queues, and who is told what. A value: no socket, no clock, no thread. Drivers hold one
+// mutex around it and touch it once per batch or message:
+//
+//   connection:  core.receive(from, decoded message, now)            (delivered in order and once: tasks/link.h)
+//   compute:     while (auto w = core.take(now)) { r = execute(engine, *w); core.finish(*w, r, now); }
+//   loader:      the same with core.take_load(now) and execute(loader, *w)
+//   timer:       core.tick(now), at the latest at core.deadline()
+//   after each:  for (auto& [to, message] : core.take_outbox()) link(to).send(encode(message))
+//
+// receive/tick/finish may make new work ready: has_work() tells whether idle threads are to be woken.
+// The driver answers Blob*, Hello, PeerHello and the rest of the handshake itself.
+//
+//                       a          b            c, j
+//   blocks, ranges -> fresh -> ready -> running -> replying -> end
+//                       | d       ^        | g
+//                       v         | h      v
+//                  submitting -> waiting (for replies of other hosts)
+//                            f
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "tasks/task.h"
+#include "tasks/work.h"
+#include "wire/messages.h"
+
+namespace cloudrenderer {
+
+struct WorkerOptions {
+  std::uint32_t threads = 1;
+  std::uint64_t path_credits = 131072;  // live paths of own renderer tasks at most
+  std::size_t camera_batch = 16384;     // camera segments made at once
+  std::size_t trace_batch = 16384;      // small tracer and aggregator batches are joined up to this size
+  std::size_t small_batch = 2048;       // local work below this waits while there are camera rays to make
+  std::size_t low_mark = 131072;        // segments waiting here above which no camera rays are made
+  float peer_load_limit_s = 2.f;        // nor while another host announces more queued work than this
+  std::size_t block_segments = 640;     // segments (about 64 KB) after which a block leaves; asks: 4 times as many
+  double block_age_s = 0.001;           // ... or after this time, or at once when the receiver owes no answer
+  double status_every_s = 0.5;
+  double retry_s = 0.05;                // batches without a holder, refused ones
+  float alpha = 0.25f;                  // load against hosts in the cover, 1/s
+};
+
+// What only the driver knows, for the report.
+struct DriverCounters {
+  std::uint64_t bytes_sent = 0, bytes_received = 0, memory_used = 0, memory_peak = 0, peak_rss = 0;
+  double cpu_s = 0;
+};
+
+class WorkerCore {
+ public:
+  using Outbox = std::vector<std::pair<HostId, wire::Message>>;
+
+  // `self` and `incarnation` as agreed on in Hello/Welcome. Host 0 is the manager.
+  WorkerCore(HostId self, std::uint64_t incarnation, const WorkerOptions& options);
+
+  void receive(HostId from, wire::Message message, double now);
+  void tick(double now);
+  double deadline() const;               // of the next tick that may do something
+  std::optional<Work> take(double now);       // path work, deepest first
+  std::optional<Work> take_load(double now);  // loader and unloader work; one at a time
+  void finish(Work& work, WorkResult& result, double now);
+  bool has_work() const;
+  bool has_load_work() const;
+  Outbox take_outbox() { return std::exchange(outbox_, {}); }
+
+  // The driver cannot reach a peer: told to the manager with the next status, which then decides.
+  void peer_unreachable(HostId peer);
+  void set_driver_counters(const DriverCounters& c) { driver_ = c; }
+  // Asks the manager for leave; the host works on until left().
+  void leave(const std::string& reason);
+  bool left() const { return left_; }
+  // Where peers are, of the last list; changes with hosts_version().
+  const std::vector<wire::HostEntry>& hosts() const { return host_entries_; }
+  std::uint64_t hosts_version() const { return hosts_version_; }
+
+  // ---- for the report, tests and the simulation ----
+  wire::Status status() const;
+  const wire::Counters& counters() const { return counters_; }
+  std::size_t tasks_in(TaskState s) const { return in_state_[static_cast<std::size_t>(s)]; }
+  std::size_t queued_segments() const { return queued_; }  // waiting for a thread here
+  std::size_t kept_segments() const { return kept_; }      // waiting for another host, asks included
+  std::uint64_t live_paths() const;
+  bool idle() const;
+
+ private:
+  struct ReadyTrace;
+  using Uuid = wire::TaskUuid;
+
+  // Blocks that gather for one host: state submitting until they leave.
+  struct Gather {
+    std::vector<KeptSegments> segments;
+    std::size_t segment_count = 0;
+    double segments_since = 0;
+    std::uint32_t segment_blocks_out = 0;  // unanswered
+    std::vector<ParkedAsks> asks;
+    std::size_t ask_count = 0;
+    double asks_since = 0;
+    std::uint32_t ask_blocks_out = 0;
+    std::vector<PathEnd> ends;
+    double ends_since = 0;
+    Uuid segment_task, ask_task;           // the submitting tasks; number 0: none
+  };
+  struct Waiting {                         // submitted, reply to come
+    std::variant<std::vector<KeptSegments>, std::vector<ParkedAsks>> kept;
+    RoutingPtr at;
+    std::size_t count = 0;
+  };
+  struct Renderer {                        // a renderer task of this host
+    Uuid id;
+    RendererRange range;
+    std::deque<RendererLedger::Run> to_make;
+    std::uint64_t unissued = 0, remaining = 0;
+    bool opened = false;                   // its ledger exists
+  };
+  template <class T>
+  struct Ready {
+    Uuid id;
+    T item;
+    std::size_t count = 0;
+  };
+
+  // worker_core.cpp: messages
+  void handle(HostId from, wire::JobStart& m);
+  void handle(HostId from, wire::JobEnd& m);
+  void handle(HostId from, wire::CancelJob& m);
+  void handle(HostId from, wire::HostList& m);
+  void handle(HostId from, wire::SceneHostMap& m);
+  void handle(HostId from, wire::LoadParts& m);
+  void handle(HostId from, wire::UnloadParts& m);
+  void handle(HostId from, wire::SubmitTask& m);
+  void handle(HostId from, wire::Reply& m);
+  void handle(HostId from, wire::PathEnds& m);
+  template <class M>
+  void handle(HostId, M&) { ++dropped_; }  // not for a worker in the middle of a job
+
+  void submit_renderer(Uuid id, const RendererRange& range);
+  void submit_block(HostId from, wire::SubmitTask& m);
+  void answer_segments(Task& task, Waiting& waiting, wire::TracerReply reply);
+  void answer_asks(Task& task, Waiting& waiting, wire::OcclusionReply reply);
+  void set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries);
+  void forget_in_flight(bool renderers);
+  void drop_host(HostId host);
+  void end_job(const std::string& reason);
+
+  // worker_queues.cpp: tasks and queues
+  Task& create(TaskCategory category, HostId submitter);
+  Task& create(Uuid id, TaskCategory category, HostId submitter);
+  void move(Task& task, TaskMove m);
+  bool try_move(Task& task, TaskMove m);
+  void discard(Uuid id);
+  Task* find(Uuid id);
+  void ready_local(std::vector<PathSegment> segments);
+  void ready_shade(SegmentBatch batch);
+  void ready_returned(Uuid id, TraceWork::Returned returned, std::size_t count);
+  void ready_resolve(Uuid id, ResolveWork::Answered answered, std::size_t count);
+  void gather(HostId to, KeptSegments kept, double now);
+  void gather(HostId to, ParkedAsks asks, double now);
+  void gather_ends(HostId to, std::vector<PathEnd> ends, double now);
+  void flush(HostId to, Gather& g, double now, bool all);
+  void send_segments(HostId to, Gather& g);
+  void send_asks(HostId to, Gather& g);
+  void retry_stranded(double now, bool all);
+  bool may_make_camera() const;
+  std::optional<Work> take_camera();
+  std::optional<Work> take_trace(bool local);
+  Work base_work() const;
+  void run(Work& work, Uuid id);
+  void finish_collect(WorkResult& r);
+  void finish_load(const Work& work, WorkResult& r, double now);
+  void send(HostId to, wire::Message m) { outbox_.emplace_back(to, std::move(m)); }
+
+  HostId self_;
+  std::uint64_t incarnation_;
+  WorkerOptions options_;
+  Outbox outbox_;
+  bool leaving_ = false, left_ = false;
+
+  // job
+  std::optional<wire::JobStart> job_;
+  bool job_ready_ = false;
+  wire::ColumnSet columns_ = wire::kAllColumns;
+  RoutingPtr routing_ = std::make_shared<const Routing>();
+  wire::SceneHostMap map_;               // of the routing; loads are renewed by host lists
+  std::uint32_t refuse_below_ = 0;       // epoch: blocks routed by an older map may ask for unloaded parts
+  std::vector<wire::HostEntry> host_entries_;
+  std::uint64_t hosts_version_ = 0;
+  std::vector<HostId> unreachable_;
+
+  // tasks
+  std::uint64_t next_number_ = 1;
+  std::unordered_map<Uuid, Task> tasks_;
+  std::array<std::size_t, kTaskStates> in_state_{};
+  std::unordered_map<Uuid, Waiting> waiting_;
+  std::deque<Ready<std::vector<PathSegment>>> ready_local_;
+  std::deque<Ready<TraceWork::Arrived>> ready_arrived_;
+  std::deque<Ready<TraceWork::Returned>> ready_returned_;
+  std::deque<Ready<SegmentBatch>> ready_shade_;
+  std::deque<Ready<OccludeWork::Asked>> ready_occlude_;
+  std::deque<Ready<ResolveWork::Answered>> ready_resolve_;
+  std::deque<Ready<Work>> ready_load_;
+  std::map<HostId, Gather> gather_;
+  struct Stranded {
+    double since;
+    Uuid id;
+    std::variant<TraceWork::Returned, ResolveWork::Answered> item;
+    std::size_t count;
+  };
+  std::vector<Stranded> stranded_;       // fresh: no holder at present
+  std::vector<std::pair<HostId, wire::SubmitTask>> early_;  // of a generation that this host does not know yet
+
+  // renderer tasks of this host
+  std::map<std::uint32_t, Renderer> renderers_;
+  Ledgers ledgers_;
+  bool collecting_ = false, list_missing_ = false;
+  std::vector<std::vector<PathEnd>> own_ends_;
+  std::vector<RendererRange> opened_;
+
+  std::size_t queued_ = 0, local_queued_ = 0, kept_ = 0, running_ = 0;
+  bool loading_ = false;
+  double segments_per_s_ = 0;            // measured, one thread
+  double next_status_ = 0;
+  double busy_s_ = 0;
+  std::uint64_t dropped_ = 0;
+  wire::Counters counters_;
+  DriverCounters driver_;
+  double now_ = 0;
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,111 @@
+#pragma once
+// All that hosts say to each other. Control messages are the generated protobuf values themselves (messages.proto lists
+// their fields once); the three that carry columns are the structs below.
+//
+// To add a message: its fields in messages.proto (or a struct here with its codec in bulk_codec.cpp), one word at the
+// END of the variant (the index is the type number on the wire), one handler in the core that gets it.
+#include <compare>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <variant>
+#include <vector>
+
+#include "film/film.h"
+#include "integrator/path_segment.h"
+#include "wire/messages.pb.h"
+
+namespace cloudrenderer::wire {
+
+inline constexpr std::uint32_t kProtocolVersion = 1;
+
+// Names a task everywhere: the incarnation of the host that made it, and its running number there. Never used twice.
+struct TaskUuid {
+  std::uint64_t origin = 0, number = 0;
+  friend auto operator<=>(const TaskUuid&, const TaskUuid&) = default;
+};
+
+// The optional columns of a job's segment blocks; the others always travel.
+enum Column : std::uint32_t {
+  kColumnBestHit = 1,     // some segment visits more than one holder: more than two parts
+  kColumnTested = 2,      // likewise
+  kColumnPreviousNormal = 4,
+  kColumnCone = 8,        // textures with a footprint
+};
+using ColumnSet = std::uint32_t;
+inline constexpr ColumnSet kAllColumns = 15;
+
+// Shared, because a sender keeps its segments until they are answered. A block is the concatenation of its chunks;
+// a decoded block has one chunk.
+using SegmentChunk = std::shared_ptr<const std::vector<PathSegment>>;
+using RayChunk = std::shared_ptr<const std::vector<OcclusionRay>>;
+
+struct SegmentBlock {
+  ColumnSet columns = kAllColumns;
+  std::vector<SegmentChunk> chunks;
+  std::size_t size() const {
+    std::size_t n = 0;
+    for (const auto& c : chunks) n += c->size();
+    return n;
+  }
+};
+struct OcclusionBlock {
+  std::vector<RayChunk> chunks;
+  std::size_t size() const {
+    std::size_t n = 0;
+    for (const auto& c : chunks) n += c->size();
+    return n;
+  }
+};
+
+// "Do this for me." A renderer task comes from the manager; blocks come from workers.
+struct SubmitTask {
+  TaskUuid id;
+  std::uint32_t epoch = 0;       // of the sender's scene-host map
+  std::uint32_t generation = 0;
+  std::variant<RendererRange, SegmentBlock, OcclusionBlock> payload;
+};
+
+struct TracerReply {
+  std::vector<std::uint64_t> accepted;  // bit i: segment i of the block now belongs to the replier
+  std::vector<std::uint64_t> tested;    // one new mask for every segment not accepted, in order
+  std::uint32_t count = 0;              // segments of the block
+};
+struct OcclusionReply {
+  std::vector<std::uint64_t> blocked;   // bit i: ray i
+  std::uint32_t count = 0;
+};
+struct RendererReply {
+  std::uint32_t task = 0;
+  std::vector<PixelSums> sums;          // row by row over the task's tile
+  std::uint64_t invalid = 0, clamped = 0;  // samples
+};
+struct Refusal {};                      // "not a holder at your epoch": nothing was done
+
+struct Reply {
+  TaskUuid id;
+  std::uint32_t epoch = 0;              // of the replier
+  std::variant<Refusal, TracerReply, OcclusionReply, RendererReply> payload;
+};
+
+// Ends of paths, to the owner of their renderer tasks. Not answered.
+struct PathEnds {
+  std::uint32_t generation = 0;
+  std::vector<PathEnd> ends;
+};
+
+using Message = std::variant<Challenge, Proof, Hello, Welcome, Refused, PeerHello, HostList, SceneHostMap, JobStart,
+                             JobEnd, CancelJob, LoadParts, UnloadParts, LoadReport, BlobRequest, BlobChunk,
+                             SubmitTask, Reply, PathEnds, Status, Leave, Error>;
+
+// For log lines: "SubmitTask".
+const char* message_name(const Message& m);
+
+}  // namespace cloudrenderer::wire
+
+template <>
+struct std::hash<cloudrenderer::wire::TaskUuid> {
+  std::size_t operator()(const cloudrenderer::wire::TaskUuid& id) const noexcept {
+    return static_cast<std::size_t>((id.origin ^ (id.number * 0x9e3779b97f4a7c15u)));
+  }
+};
