@@ -7,21 +7,9 @@
 
 #include "base/id.h"
 #include "integrator/path_segment.h"
+#include "trace/hit.h"
 
 namespace cloudrenderer {
-
-// A hit on a part that this host holds. Local to the host: never sent.
-struct Hit {
-  float t = kInfinity;
-  float u = 0, v = 0;                  // barycentrics of triangles
-  std::uint32_t part = 0xffffffffu;    // the resident part, or none: nothing hit here (t, shape, primitive may be a
-                                       // better hit of another host)
-  std::uint32_t instance = 0xffffffffu;  // index in the part's instances
-  std::uint32_t geometry = 0;          // 0: triangles, 1: quadrics
-  std::uint32_t index = 0;             // triangle or quadric in the part or prototype
-  std::uint32_t shape = 0xffffffffu;   // global ids, for the order of hits
-  std::uint32_t primitive = 0xffffffffu;
-};
 
 // Segments of a batch with what has been found for each; arrays of equal length.
 struct SegmentBatch {

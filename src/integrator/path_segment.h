@@ -17,6 +17,9 @@ struct BestHit {
 enum SegmentFlag : std::uint16_t {
   kSpecularBounce = 1,  // made by a specular lobe or the camera: emission counts in full
   kAnyNonSpecular = 2,  // the path has scattered diffusely or glossily before
+  kCameraRay = 4,       // straight from the camera: neighbours are coherent
+  kMainTested = 8,      // the main scene (part 0), which every host holds, has been tested for this ray
+  kLastRay = 16,        // only what this ray finds emitting still counts: the path ends at its hit
 };
 
 // One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
@@ -36,7 +39,7 @@ struct PathSegment {
   std::uint16_t owner = 0;           // host that owns the renderer task
   std::uint16_t vertex = 0;          // surfaces scattered at so far
   std::uint16_t flags = 0;
-  std::uint16_t reserved = 0;
+  std::uint16_t window = 0;          // `tested` speaks of candidates 64 * window + i along the ray
   float cone_width = 0, cone_spread = 0;  // footprint, when the scene needs it
 };
 

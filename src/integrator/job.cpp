@@ -1,0 +1,107 @@
+#include "integrator/job.h"
+
+#include <cmath>
+#include <set>
+
+namespace cloudrenderer {
+
+namespace {
+
+std::uint32_t positive(const Entity& e, const char* name, int otherwise) {
+  const int v = e.params.integer(name, otherwise);
+  if (v < 1 || v > 1 << 24)
+    throw SceneError(e.location, std::string(name) + " must be between 1 and 16777216, got " + std::to_string(v));
+  return static_cast<std::uint32_t>(v);
+}
+
+std::uint32_t samples_per_pixel(const Entity& sampler, Dialect dialect, Warnings& warnings) {
+  if (sampler.type == "stratified")
+    return positive(sampler, "xsamples", dialect == Dialect::v2 ? 2 : 4) *
+           positive(sampler, "ysamples", dialect == Dialect::v2 ? 2 : 4);
+  if (sampler.type == "adaptive") return positive(sampler, "maxsamples", 32);
+  static const std::set<std::string> known{"lowdiscrepancy", "halton", "sobol", "random", "bestcandidate",
+                                           "02sequence", "zerotwosequence", "maxmindist", ""};
+  if (!known.contains(sampler.type))
+    warnings.add(sampler.location, "Sampler \"" + sampler.type + "\" is not known, using a scrambled Sobol sequence");
+  return positive(sampler, "pixelsamples", dialect == Dialect::v2 ? 4 : 16);
+}
+
+// Integrators that estimate what `path` estimates in another way.
+bool is_same_transport(const std::string& type) {
+  static const std::set<std::string> types{"metropolis", "igi",  "irradiancecache", "photonmap", "exphotonmap",
+                                           "mlt",        "bdpt", "sppm",            "volpath",   "dipolesubsurface",
+                                           "diffuseprt", "glossyprt", "useprobes"};
+  return types.contains(type);
+}
+
+}  // namespace
+
+JobSettings job_settings(const SceneDescription& scene, const JobOverrides& overrides, Warnings& warnings) {
+  JobSettings job;
+  const bool v2 = scene.dialect == Dialect::v2;
+  Entity film = scene.film;
+  job.film = film_options(film, scene.dialect, warnings);
+  if (overrides.width || overrides.height || overrides.crop) {
+    FilmFrame& f = job.film.frame;
+    const double cx0 = static_cast<double>(f.x0) / f.width, cx1 = static_cast<double>(f.x1) / f.width;
+    const double cy0 = static_cast<double>(f.y0) / f.height, cy1 = static_cast<double>(f.y1) / f.height;
+    f.width = overrides.width.value_or(f.width);
+    f.height = overrides.height.value_or(f.height);
+    const auto at = [](double c, std::uint32_t n) {
+      return static_cast<std::uint32_t>(std::clamp(std::ceil(c * n - 1e-6), 0.0, static_cast<double>(n)));
+    };
+    const auto crop = [&](int i, double own) { return overrides.crop ? static_cast<double>((*overrides.crop)[static_cast<std::size_t>(i)]) : own; };
+    f.x0 = at(crop(0, cx0), f.width);
+    f.x1 = at(crop(1, cx1), f.width);
+    f.y0 = at(crop(2, cy0), f.height);
+    f.y1 = at(crop(3, cy1), f.height);
+    if (f.x0 >= f.x1 || f.y0 >= f.y1) throw UsageError("the crop window is empty");
+  }
+
+  const std::uint32_t own_spp = samples_per_pixel(scene.sampler, scene.dialect, warnings);
+  job.spp = overrides.spp.value_or(own_spp);
+  job.seed = overrides.seed;
+  if (scene.sampler.type == "random") job.sequence = SampleSequence::Kind::independent;
+
+  std::string type = overrides.integrator.value_or(scene.integrator.type);
+  const Entity* source = &scene.integrator;
+  if (!overrides.integrator && scene.renderer && scene.renderer->type == "metropolis") {
+    type = "metropolis";
+    source = &*scene.renderer;
+  }
+  if (type.empty()) type = v2 ? "directlighting" : "path";
+  if (is_same_transport(type)) {
+    warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path");
+    type = "path";
+  }
+  const int scene_depth = source->params.integer("maxdepth", 5);
+  const int depth = overrides.max_depth ? static_cast<int>(*overrides.max_depth) : scene_depth;
+  if (depth < 0 || depth > 1 << 16) throw SceneError(source->location, "maxdepth must be between 0 and 65536, got " + std::to_string(depth));
+  const auto n = static_cast<std::uint32_t>(depth);
+  if (type == "path") {
+    job.integrator = IntegratorKind::path;
+    job.light_vertices = v2 ? n + 1 : n;
+    job.emission_vertex = n;
+  } else if (type == "directlighting" || type == "whitted") {
+    job.integrator = IntegratorKind::direct;
+    job.light_vertices = std::max(n, 1u);
+    job.emission_vertex = job.light_vertices - 1;
+    source->params.string("strategy", "all");  // the same mean either way
+  } else if (type == "ambientocclusion" || type == "ao") {
+    job.integrator = IntegratorKind::ambient_occlusion;
+    job.light_vertices = 1;
+    job.ao_distance = source->params.real("maxdist", kInfinity);
+    job.ao_cosine = !v2 && source->params.boolean("cossample", true);
+    // One occlusion ray a sample: the rays that the scene asks for become samples.
+    const std::uint32_t rays = positive(*source, "nsamples", v2 ? 2048 : 64);
+    if (!overrides.spp) job.spp = static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{own_spp} * rays, 1u << 20));
+  } else {
+    throw SceneError(source->location, "integrator \"" + type + "\" is not supported; known are path, directlighting, whitted, ambientocclusion");
+  }
+  // One unit of the film is 2^-30 of a contribution of one; a film scale far from one moves that along.
+  const float scale = job.film.scale > 0 && std::isfinite(job.film.scale) ? job.film.scale : 1.f;
+  job.k = std::clamp(30 + std::ilogb(scale), 0, 50);
+  return job;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,44 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "base/log.h"
+#include "base/random.h"
+#include "film/film.h"
+#include "scene/description.h"
+
+namespace cloudrenderer {
+
+enum class IntegratorKind : std::uint8_t { path, direct, ambient_occlusion };
+
+// What the command line changes of the scene's own settings.
+struct JobOverrides {
+  std::optional<std::uint32_t> spp, max_depth;
+  std::optional<std::uint32_t> width, height;
+  std::optional<std::array<float, 4>> crop;  // x0 x1 y0 y1 in [0, 1], as pbrt's cropwindow
+  std::optional<std::string> integrator;     // pbrt's name
+  std::uint32_t seed = 0;
+};
+
+// Everything that fixes the picture besides the scene's geometry, materials and lights. Plain data, sent to all hosts.
+struct JobSettings {
+  FilmOptions film;
+  std::uint32_t spp = 16;
+  std::uint32_t seed = 0;
+  SampleSequence::Kind sequence = SampleSequence::Kind::sobol;
+  IntegratorKind integrator = IntegratorKind::path;
+  // Vertices (0 is what the camera sees) below `light_vertices` gather light; emission that a specular chain finds
+  // counts up to vertex `emission_vertex`.
+  std::uint32_t light_vertices = 6;
+  std::uint32_t emission_vertex = 5;
+  float ao_distance = kInfinity;
+  bool ao_cosine = false;
+  int k = 30;  // fixed point: units of 2^-k
+};
+
+// Reads integrator, sampler and film with pbrt's meaning of their parameters in the scene's dialect (v2 and v3 count
+// depth one apart). Throws SceneError / UsageError.
+JobSettings job_settings(const SceneDescription& scene, const JobOverrides& overrides, Warnings& warnings);
+
+}  // namespace cloudrenderer

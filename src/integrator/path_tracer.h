@@ -1,0 +1,66 @@
+#pragma once
+#include <atomic>
+#include <memory>
+
+#include "film/camera.h"
+#include "integrator/engine.h"
+#include "integrator/job.h"
+#include "parts/part_map.h"
+#include "shading/lights.h"
+#include "shading/material.h"
+#include "trace/resident.h"
+
+namespace cloudrenderer {
+
+// Processor time of the batches, in nanoseconds, for the report.
+struct EngineTime {
+  std::atomic<std::uint64_t> camera{0}, trace{0}, shade{0}, occlusion{0};  // shade: occlusion left out
+};
+
+// The light transport: one path tracer for local runs, clusters and simulations.
+class PathTracer final : public PathEngine {
+ public:
+  // Builds shading, loads the main scene's geometry into `resident` (which must outlive the tracer), builds lights
+  // and camera. Throws SceneError, ClusterError.
+  PathTracer(const Manifest& manifest, const JobSettings& job, Part main_part, Resident& resident, Warnings& warnings,
+             std::uint64_t texture_budget = std::uint64_t{1} << 30);
+
+  void camera(const RendererRange& range, std::uint16_t owner, std::uint64_t first, std::uint64_t count,
+              std::vector<PathSegment>& out) const override;
+  void trace(SegmentBatch& batch) const override;
+  void route(SegmentBatch& batch) const override;
+  void shade(SegmentBatch& batch, ShadeOutput& out) const override;
+  void occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const override;
+  std::uint32_t film_width() const override { return job_.film.frame.width; }
+
+  const JobSettings& job() const { return job_; }
+  bool needs_footprint() const { return footprint_; }
+  // Textures and light tables: counted in a host's memory besides the resident parts.
+  std::uint64_t shading_bytes() const { return shading_->bytes() + lights_->bytes(); }
+  const EngineTime& time() const { return time_; }
+
+ private:
+  struct Shadow;
+  struct Shader;
+  PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
+  void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
+  PartId next_remote(const ResidentSet& set, PathSegment& s, const Hit& hit) const;
+  void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const;
+  void resolve_shadows(const ResidentSet& set, std::vector<Shadow>& shadows, ShadeOutput& out) const;
+
+  JobSettings job_;
+  Dialect dialect_;
+  PartMap map_;
+  bool one_part_;       // nothing but the main scene and one part
+  bool main_geometry_;  // the main scene has shapes of its own
+  bool footprint_;
+  float footprint_scale_;  // pbrt: a sample's footprint is a pixel's over sqrt(spp)
+  Resident& resident_;
+  std::unique_ptr<Shading> shading_;
+  std::unique_ptr<Lights> lights_;
+  std::unique_ptr<Camera> camera_;
+  std::unique_ptr<Filter> filter_;
+  mutable EngineTime time_;
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,236 @@
+#include "trace/loaded_part.h"
+
+#include <algorithm>
+
+#include "shapes/geometry.h"
+
+namespace cloudrenderer {
+
+namespace {
+
+void quadric_bounds(const RTCBoundsFunctionArguments* args) {
+  const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  const Bounds3 b = world_bounds(self->part().quadrics[args->primID].quadric);
+  *args->bounds_o = {b.min.x, b.min.y, b.min.z, 0, b.max.x, b.max.y, b.max.z, 0};
+}
+
+struct LaneRay {
+  Vec3 origin, direction;
+  float t_near, t_far;
+};
+LaneRay lane_ray(RTCRayN* ray, unsigned n, unsigned i) {
+  return {{RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
+          {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
+          RTCRayN_tnear(ray, n, i),
+          RTCRayN_tfar(ray, n, i)};
+}
+
+void quadric_intersect(const RTCIntersectFunctionNArguments* args) {
+  const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  const Quadric& q = self->part().quadrics[args->primID].quadric;
+  RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
+  RTCHitN* hits = RTCRayHitN_HitN(args->rayhit, args->N);
+  for (unsigned i = 0; i < args->N; ++i) {
+    if (!args->valid[i]) continue;
+    const LaneRay r = lane_ray(rays, args->N, i);
+    QuadricHit found;
+    if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
+    RTCHit hit{};
+    hit.geomID = args->geomID;
+    hit.primID = args->primID;
+    hit.instID[0] = args->context->instID[0];
+    // The filter decides about ties and alpha; it wants the candidate's distance in the ray.
+    RTCRayN_tfar(rays, args->N, i) = found.t;
+    int valid = -1;
+    if (args->N == 1) {
+      RTCFilterFunctionNArguments f{&valid, args->geometryUserPtr, args->context, rays, reinterpret_cast<RTCHitN*>(&hit), 1};
+      intersect_filter(&f);
+    } else {
+      RTCRay single = rtcGetRayFromRayN(rays, args->N, i);
+      RTCFilterFunctionNArguments f{&valid, args->geometryUserPtr, args->context, reinterpret_cast<RTCRayN*>(&single),
+                                    reinterpret_cast<RTCHitN*>(&hit), 1};
+      intersect_filter(&f);
+    }
+    if (valid)
+      rtcCopyHitToHitN(hits, &hit, args->N, i);
+    else
+      RTCRayN_tfar(rays, args->N, i) = r.t_far;
+  }
+}
+
+void quadric_occluded(const RTCOccludedFunctionNArguments* args) {
+  const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  const Quadric& q = self->part().quadrics[args->primID].quadric;
+  for (unsigned i = 0; i < args->N; ++i) {
+    if (!args->valid[i]) continue;
+    const LaneRay r = lane_ray(args->ray, args->N, i);
+    QuadricHit found;
+    if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
+    if (self->has_alpha() && !self->opaque(kQuadrics, args->primID, 0, 0, r.origin, r.direction, found.t, true)) continue;
+    RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
+  }
+}
+
+}  // namespace
+
+// Hits come in an order that depends on the BVH. What counts is the order (t, shape, primitive), so the first of
+// equal distance must not win by chance.
+void intersect_filter(const RTCFilterFunctionNArguments* args) {
+  auto* context = reinterpret_cast<QueryContext*>(args->context);
+  const auto* owner = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  const unsigned n = args->N;
+  for (unsigned i = 0; i < n; ++i) {
+    if (!args->valid[i]) continue;
+    const std::uint32_t geometry = RTCHitN_geomID(args->hit, n, i), index = RTCHitN_primID(args->hit, n, i);
+    const float t = RTCRayN_tfar(args->ray, n, i);
+    // Lanes of a packet keep their number in the ray's id.
+    QueryContext::Lane& best = context->lanes[RTCRayN_id(args->ray, n, i)];
+    if (owner->has_alpha()) {
+      const LaneRay r = lane_ray(args->ray, n, i);
+      if (!owner->opaque(geometry, index, RTCHitN_u(args->hit, n, i), RTCHitN_v(args->hit, n, i), r.origin, r.direction, t,
+                         false)) {
+        args->valid[i] = 0;
+        continue;
+      }
+    }
+    const std::uint32_t inst = RTCHitN_instID(args->hit, n, i, 0);
+    const std::uint32_t instance = inst == RTC_INVALID_GEOMETRY_ID ? kNone : inst - kFirstInstance;
+    if (t == best.t) {
+      std::uint32_t shape, primitive, best_shape = best.shape, best_primitive = best.primitive;
+      context->part->ids(geometry, index, instance, shape, primitive);
+      if (best.instance != kForeign)
+        context->part->ids(best.geometry, best.index, best.instance, best_shape, best_primitive);
+      if (shape > best_shape || (shape == best_shape && primitive >= best_primitive)) {
+        args->valid[i] = 0;
+        continue;
+      }
+    }
+    best.t = t;
+    best.geometry = geometry;
+    best.index = index;
+    best.instance = instance;
+  }
+}
+
+void occluded_filter(const RTCFilterFunctionNArguments* args) {
+  const auto* owner = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  for (unsigned i = 0; i < args->N; ++i) {
+    if (!args->valid[i]) continue;
+    const LaneRay r = lane_ray(args->ray, args->N, i);
+    if (!owner->opaque(RTCHitN_geomID(args->hit, args->N, i), RTCHitN_primID(args->hit, args->N, i),
+                       RTCHitN_u(args->hit, args->N, i), RTCHitN_v(args->hit, args->N, i), r.origin, r.direction, r.t_far, true))
+      args->valid[i] = 0;
+  }
+}
+
+LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, Part part,
+                       std::vector<std::shared_ptr<const LoadedPart>> prototypes)
+    : device_(std::move(device)), alpha_(alpha), part_(std::move(part)), prototypes_(std::move(prototypes)) {
+  const auto masked = [](const auto& x) { return x.alpha_texture != kNone; };
+  has_alpha_ = alpha_ && (std::ranges::any_of(part_.chunks, masked) || std::ranges::any_of(part_.quadrics, masked) ||
+                          std::ranges::any_of(part_.chunks, [](const MeshChunk& c) { return c.shadow_alpha_texture != kNone; }));
+  shared_bytes_ = part_.positions.size_bytes() + part_.normals.size_bytes() + part_.uvs.size_bytes() +
+                  part_.triangles.size_bytes() + part_.primitive_ids.size_bytes() + part_.chunks.size_bytes() +
+                  part_.quadrics.size_bytes() + part_.instances.size_bytes();
+  const std::uint64_t before = device_->bytes();
+  device_->add_shared(static_cast<std::int64_t>(shared_bytes_));
+  scene_.reset(rtcNewScene(device_->get()));
+  rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST | (has_alpha_ ? RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION : RTC_SCENE_FLAG_NONE));
+  rtcSetSceneBuildQuality(scene_.get(), RTC_BUILD_QUALITY_MEDIUM);
+  add_triangles();
+  add_quadrics();
+  add_instances();
+  rtcCommitScene(scene_.get());
+  device_->check("build");
+  const std::uint64_t after = device_->bytes();
+  bytes_ = after > before ? after - before : shared_bytes_;
+}
+
+LoadedPart::~LoadedPart() {
+  scene_.reset();
+  device_->add_shared(-static_cast<std::int64_t>(shared_bytes_));
+}
+
+void LoadedPart::add_triangles() {
+  if (part_.triangles.empty()) return;
+  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_TRIANGLE));
+  rtcSetSharedGeometryBuffer(g.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, part_.positions.data(), 0, sizeof(Vec3),
+                             part_.positions.size());
+  rtcSetSharedGeometryBuffer(g.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, part_.triangles.data(), 0,
+                             sizeof(Triangle), part_.triangles.size());
+  rtcSetGeometryUserData(g.get(), this);
+  rtcSetGeometryIntersectFilterFunction(g.get(), intersect_filter);
+  if (has_alpha_) rtcSetGeometryOccludedFilterFunction(g.get(), occluded_filter);
+  rtcCommitGeometry(g.get());
+  rtcAttachGeometryByID(scene_.get(), g.get(), kTriangles);
+  device_->check("triangles");
+}
+
+void LoadedPart::add_quadrics() {
+  if (part_.quadrics.empty()) return;
+  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
+  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(part_.quadrics.size()));
+  rtcSetGeometryUserData(g.get(), this);
+  rtcSetGeometryBoundsFunction(g.get(), quadric_bounds, nullptr);
+  rtcSetGeometryIntersectFunction(g.get(), quadric_intersect);
+  rtcSetGeometryOccludedFunction(g.get(), quadric_occluded);
+  rtcCommitGeometry(g.get());
+  rtcAttachGeometryByID(scene_.get(), g.get(), kQuadrics);
+  device_->check("quadrics");
+}
+
+void LoadedPart::add_instances() {
+  for (std::size_t i = 0; i < part_.instances.size(); ++i) {
+    const InstanceRecord& record = part_.instances[i];
+    if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
+      throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
+    const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_INSTANCE));
+    rtcSetGeometryInstancedScene(g.get(), prototypes_[record.prototype]->scene());
+    rtcSetGeometryTimeStepCount(g.get(), 1);
+    rtcSetGeometryTransform(g.get(), 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR, &record.to_world.matrix()[0][0]);
+    rtcCommitGeometry(g.get());
+    rtcAttachGeometryByID(scene_.get(), g.get(), kFirstInstance + static_cast<unsigned>(i));
+  }
+  device_->check("instances");
+}
+
+void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
+                     std::uint32_t& primitive) const {
+  if (instance != kNone) {
+    prototype(instance).ids(geometry, index, kNone, shape, primitive);
+    shape += part_.instances[instance].first_shape;
+  } else if (geometry == kTriangles) {
+    const MeshChunk& chunk = part_.chunk_of(index);
+    shape = chunk.shape;
+    primitive = part_.source_primitive(chunk, index);
+  } else {
+    shape = part_.quadrics[index].shape;
+    primitive = 0;
+  }
+}
+
+bool LoadedPart::opaque(unsigned geometry, std::uint32_t index, float u, float v, const Vec3& origin,
+                        const Vec3& direction, float t, bool shadow) const {
+  if (geometry == kTriangles) {
+    const MeshChunk& c = part_.chunk_of(index);
+    const std::uint32_t texture = shadow && c.shadow_alpha_texture != kNone ? c.shadow_alpha_texture : c.alpha_texture;
+    if (texture == kNone) return true;
+    const Triangle tri = part_.triangles[index];
+    Vec2 uv{u, v};
+    // pbrt's default parametrisation of a triangle without uv: (0,0) (1,0) (1,1)
+    Vec2 a{0, 0}, b{1, 0}, d{1, 1};
+    if (c.first_uv != kNone) {
+      const auto at = [&](std::uint32_t vertex) { return part_.uvs[c.first_uv + vertex - c.first_vertex]; };
+      a = at(tri.x), b = at(tri.y), d = at(tri.z);
+    }
+    uv = (1.f - u - v) * a + u * b + v * d;
+    const Vec3 p = (1.f - u - v) * part_.positions[tri.x] + u * part_.positions[tri.y] + v * part_.positions[tri.z];
+    return alpha_(texture, uv, p) != 0.f;
+  }
+  const QuadricRecord& q = part_.quadrics[index];
+  if (q.alpha_texture == kNone) return true;
+  const SurfacePoint s = surface_point(q.quadric, q.flip != 0, origin, direction, t);
+  return alpha_(q.alpha_texture, s.uv, s.p) != 0.f;
+}
+
+}  // namespace cloudrenderer

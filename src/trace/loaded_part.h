@@ -1,0 +1,68 @@
+#pragma once
+// Inside src/trace only: a part with its BVH.
+#include <memory>
+#include <vector>
+
+#include "trace/embree.h"
+#include "trace/resident.h"
+
+namespace cloudrenderer {
+
+// Geometry numbers in every scene: triangles, then quadrics, then one for each instance.
+inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kFirstInstance = 2;
+
+class LoadedPart {
+ public:
+  LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, Part part,
+             std::vector<std::shared_ptr<const LoadedPart>> prototypes);
+  ~LoadedPart();
+  LoadedPart(const LoadedPart&) = delete;
+  LoadedPart& operator=(const LoadedPart&) = delete;
+
+  const Part& part() const { return part_; }
+  const LoadedPart& prototype(std::uint32_t instance) const {
+    return *prototypes_[part_.instances[instance].prototype];
+  }
+  RTCScene scene() const { return scene_.get(); }
+  std::uint64_t bytes() const { return bytes_; }
+  bool has_alpha() const { return has_alpha_; }
+
+  // Global ids of a hit in this part; instance: kNone or an index.
+  void ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
+           std::uint32_t& primitive) const;
+  // False where an alpha texture says that there is no surface.
+  bool opaque(unsigned geometry, std::uint32_t index, float u, float v, const Vec3& origin, const Vec3& direction,
+              float t, bool shadow) const;
+
+ private:
+  void add_triangles();
+  void add_quadrics();
+  void add_instances();
+
+  std::shared_ptr<Device> device_;
+  const AlphaFunction& alpha_;
+  Part part_;
+  std::vector<std::shared_ptr<const LoadedPart>> prototypes_;  // by prototype number; those the instances need
+  bool has_alpha_ = false;
+  std::uint64_t shared_bytes_ = 0, bytes_ = 0;
+  SceneHandle scene_;
+};
+
+// What the filter and the user geometry find behind Embree's context while one query runs.
+struct QueryContext {
+  RTCIntersectContext embree;  // first: Embree hands us its address
+  const LoadedPart* part = nullptr;
+  // The best hit so far of each lane (one lane for single rays), in terms of the part being traced; a hit of another
+  // part or host has instance = geometry = kForeign and its global ids in shape, primitive.
+  struct Lane {
+    float t;
+    std::uint32_t geometry, index, instance, shape, primitive;
+  };
+  Lane* lanes = nullptr;
+};
+inline constexpr std::uint32_t kForeign = 0xfffffffeu;
+
+void intersect_filter(const RTCFilterFunctionNArguments* args);
+void occluded_filter(const RTCFilterFunctionNArguments* args);
+
+}  // namespace cloudrenderer

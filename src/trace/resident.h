@@ -1,0 +1,83 @@
+#pragma once
+// The parts that this host holds, ready to be traced: the only place that knows Embree.
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/id.h"
+#include "parts/part.h"
+#include "trace/hit.h"
+
+namespace cloudrenderer {
+
+// Value of an alpha texture at a point of a shape: 0 means "no surface here".
+using AlphaFunction = std::function<float(std::uint32_t texture, const Vec2& uv, const Vec3& p)>;
+
+class Device;        // Embree's device with its memory counter
+class LoadedPart;    // one part or prototype with its BVH
+
+// What is resident at one moment. Immutable: tracing takes a snapshot per batch and no lock.
+class ResidentSet {
+ public:
+  bool has(std::uint32_t part) const { return part < parts_.size() && parts_[part] != nullptr; }
+  const Part& part(std::uint32_t part) const;
+  const Part& prototype(std::uint32_t part, std::uint32_t instance) const;
+
+  // Nearest hit in one part with t <= hit.t that comes before `hit` in the order (t, shape, primitive); updates hit
+  // and returns true if there is one. The ray is traceable().
+  bool intersect(std::uint32_t part, const TraceRay& ray, Hit& hit) const;
+  // The same for up to 8 rays that start and go alike; active: bit mask. hits[i] are updated.
+  void intersect8(std::uint32_t part, const TraceRay* const* rays, Hit* const* hits, std::uint32_t active) const;
+  // Anything of the part within (0, ray.t_max)?
+  bool occluded(std::uint32_t part, const TraceRay& ray) const;
+  // Bit mask of the active rays that are blocked.
+  std::uint32_t occluded8(std::uint32_t part, const TraceRay* const* rays, std::uint32_t active) const;
+
+ private:
+  friend class Resident;
+  std::vector<std::shared_ptr<const LoadedPart>> parts_;
+};
+
+// Loads and drops parts. Any thread; loads of different parts run at the same time.
+class Resident {
+ public:
+  struct Options {
+    unsigned threads = 1;       // that join a build
+    std::string isa = "avx2";   // Embree's max_isa: every host of a cluster uses the same
+    AlphaFunction alpha;        // null: alpha textures are ignored
+  };
+  explicit Resident(const Options& options);
+  ~Resident();
+  Resident(const Resident&) = delete;
+  Resident& operator=(const Resident&) = delete;
+
+  // Builds the BVH. A part's prototypes must be loaded before it. Returns the bytes now used by it (arrays and BVH).
+  // Throws ClusterError when Embree fails (out of memory).
+  std::uint64_t load_prototype(std::uint32_t prototype, Part part);
+  std::uint64_t load_part(PartId id, Part part);
+  void unload_part(PartId id);
+  void unload_prototype(std::uint32_t prototype);  // dropped when the last part that uses it goes
+  bool has_prototype(std::uint32_t prototype) const;
+  void set_alpha(AlphaFunction alpha);  // before the first load
+
+  std::uint64_t bytes() const;       // arrays and BVHs now
+  std::uint64_t peak_bytes() const;  // the most that bytes() has been, builds included
+  std::shared_ptr<const ResidentSet> snapshot() const;
+
+ private:
+  AlphaFunction alpha_;
+  std::shared_ptr<Device> device_;
+  mutable std::mutex mutex_;
+  std::vector<std::shared_ptr<const LoadedPart>> prototypes_;
+  std::shared_ptr<const ResidentSet> set_;
+};
+
+// Threads that trace or shade call this once: denormals are zero everywhere alike (Embree wants it, and all hosts
+// must agree).
+void prepare_compute_thread();
+
+}  // namespace cloudrenderer
