@@ -14,11 +14,14 @@ struct Candidate {
   float t_enter;  // conservative: never later than the true entry of any of the part's boxes
 };
 
+// Eight numbers that are computed together, on any processor (a vector type of GCC and Clang).
+using PartMapLanes = float __attribute__((vector_size(32)));
+
 // The boxes of all parts but part 0 (which everyone holds), with a small BVH over them. Immutable; any thread.
 class PartMap {
  public:
   explicit PartMap(std::span<const PartInfo> parts);
-  std::size_t part_count() const;  // part 0 included
+  std::size_t part_count() const { return part_count_; }  // part 0 included
 
   // The parts whose boxes the ray enters within [0, t_max], in the order (t_enter, part): a pure function of the ray
   // and the map, the same list for every t_max up to the cut (entries with t_enter > t_max are left out).
@@ -26,16 +29,26 @@ class PartMap {
   std::size_t candidates(const Vec3& origin, const Vec3& direction, float t_max, std::span<Candidate> out) const;
 
  private:
-  struct Box {
-    Bounds3 bounds;
-    std::uint32_t part;
-  };
+  static constexpr std::uint32_t kLanes = 8;
+  // Eight boxes, tested together: the children of an inner node, or boxes of one part. Unused lanes are empty.
   struct Node {
-    Bounds3 bounds;
-    std::uint32_t first, count;  // leaf: boxes [first, first + count); inner: count 0, children first, first + 1
+    PartMapLanes min[3], max[3];
+    std::uint32_t child[kLanes];  // inner nodes: a node, or kPartBit | index into parts_
   };
-  std::vector<Box> boxes_;
+  struct PartBoxes {
+    std::uint32_t part = 0;
+    std::uint32_t first = 0, count = 0;  // nodes that hold the part's boxes
+  };
+  struct Entry {
+    Bounds3 bounds;
+    std::uint32_t child = 0;
+  };
+  std::uint32_t add_node(std::span<const Entry> entries);
+  std::uint32_t build(std::span<Entry> entries);
+
   std::vector<Node> nodes_;
+  std::vector<PartBoxes> parts_;
+  std::uint32_t root_ = kNone;
   std::size_t part_count_ = 0;
 };
 

@@ -1,0 +1,166 @@
+#include "parts/part.h"
+
+#include <xxhash.h>
+
+#include <cmath>
+#include <cstring>
+#include <system_error>
+
+#include "parts/check.h"
+#include "parts/mapped_file.h"
+#include "parts/part_format.h"
+
+namespace cloudrenderer {
+namespace {
+
+using namespace part_format;
+
+// Nothing of the value is believed: the file may come from anyone.
+bool usable(float v) { return std::fabs(v) <= kLargest; }  // false for NaN
+bool usable(const Transform& t) {
+  for (int c = 0; c < 4; ++c)
+    for (int r = 0; r < 4; ++r)
+      if (!std::isfinite(t.matrix()[c][r]) || !std::isfinite(t.inverse_matrix()[c][r])) return false;
+  return true;
+}
+
+template <class T>
+bool all_usable(std::span<const T> values) {
+  const auto* f = reinterpret_cast<const float*>(values.data());
+  const std::size_t n = values.size_bytes() / sizeof(float);
+  bool ok = true;
+  for (std::size_t i = 0; i < n; ++i) ok &= usable(f[i]);
+  return ok;
+}
+
+template <class T>
+std::span<const T> section(std::span<const std::byte> bytes, const SectionEntry& e) {
+  return {reinterpret_cast<const T*>(bytes.data() + e.offset), static_cast<std::size_t>(e.count)};
+}
+
+// [first, first + count) lies in an array of `size` elements.
+bool inside(std::uint32_t first, std::uint32_t count, std::size_t size) {
+  return std::uint64_t{first} + count <= size;
+}
+
+const char* bad_chunk(const Part& p, const MeshChunk& c, std::uint64_t expected_triangle) {
+  if (c.first_triangle != expected_triangle || c.triangle_count == 0 ||
+      !inside(c.first_triangle, c.triangle_count, p.triangles.size()))
+    return "chunks do not follow each other";
+  if (!inside(c.first_vertex, c.vertex_count, p.positions.size())) return "chunk vertices out of range";
+  if (c.first_normal != kNone && !inside(c.first_normal, c.vertex_count, p.normals.size()))
+    return "chunk normals out of range";
+  if (c.first_uv != kNone && !inside(c.first_uv, c.vertex_count, p.uvs.size()))
+    return "chunk uvs out of range";
+  if (c.primitive_ids != kNone && !inside(c.primitive_ids, c.triangle_count, p.primitive_ids.size()))
+    return "chunk primitive ids out of range";
+  if (c.primitive_ids == kNone && std::uint64_t{c.first_primitive} + c.triangle_count > kNone)
+    return "chunk primitive numbers overflow";
+  if (c.flip > 1) return "bad flip";
+  bool ok = true;
+  for (const Triangle& t : p.triangles.subspan(c.first_triangle, c.triangle_count))
+    for (int i = 0; i < 3; ++i)  // unsigned differences: below first_vertex wraps to a large number
+      ok &= t[i] - c.first_vertex < c.vertex_count;
+  return ok ? nullptr : "vertex index out of range";
+}
+
+const char* bad_content(const Part& p) {
+  if (!all_usable(p.positions)) return "a position is not finite";
+  if (!all_usable(p.normals)) return "a normal is not finite";
+  if (!all_usable(p.uvs)) return "a uv is not finite";
+  std::uint64_t triangle = 0;
+  for (const MeshChunk& c : p.chunks) {
+    if (const char* why = bad_chunk(p, c, triangle)) return why;
+    triangle += c.triangle_count;
+  }
+  if (triangle != p.triangles.size()) return "triangles without a chunk";
+  for (const QuadricRecord& r : p.quadrics) {
+    const Quadric& q = r.quadric;
+    std::uint32_t kind;
+    std::memcpy(&kind, &q.kind, sizeof kind);
+    if (kind > static_cast<std::uint32_t>(QuadricKind::hyperboloid)) return "unknown quadric";
+    for (const float v : {q.radius, q.inner_radius, q.height, q.z_min, q.z_max, q.phi_max})
+      if (!usable(v)) return "a quadric is not finite";
+    if (!is_finite(q.p1) || !is_finite(q.p2) || !usable(q.object_to_world))
+      return "a quadric is not finite";
+    if (r.flip > 1 || q.inside_out > 1) return "bad flip";
+  }
+  for (const InstanceRecord& r : p.instances)
+    if (!usable(r.to_world)) return "an instance is not finite";
+  return nullptr;
+}
+
+}  // namespace
+
+Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
+  const auto failure = [](const char* why) { return Result<Part>::failure(std::string("part: ") + why); };
+  constexpr std::size_t kTableEnd = sizeof(Header) + kSectionCount * sizeof(SectionEntry);
+  if (bytes.size() < kTableEnd) return failure("too short");
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 16 != 0) return failure("bytes are not aligned");
+  Header header;
+  std::memcpy(&header, bytes.data(), sizeof header);
+  if (header.magic != kMagic) return failure("not a part file");
+  if (header.version != kVersion) return failure("unknown version");
+  if (header.section_count != kSectionCount) return failure("wrong number of sections");
+  if (header.reserved != Header().reserved) return failure("reserved bytes are not 0");
+  if (header.file_bytes != bytes.size()) return failure("wrong length");
+  if (XXH3_64bits(bytes.data() + sizeof header, bytes.size() - sizeof header) != header.checksum)
+    return failure("wrong checksum");
+
+  std::array<SectionEntry, kSectionCount> table;
+  std::memcpy(table.data(), bytes.data() + sizeof header, sizeof table);
+  for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+    const SectionEntry& e = table[s];
+    if (e.section != s || e.element_bytes != kElementBytes[s]) return failure("unknown section");
+    const std::uint64_t padding = s == kPositions ? kPadding : 0;
+    if (e.offset % kAlignment != 0 || e.offset < kTableEnd || e.offset > bytes.size())
+      return failure("section out of range");
+    if (e.count > (bytes.size() - e.offset) / e.element_bytes || e.count >= kNone ||
+        e.count * e.element_bytes + padding > bytes.size() - e.offset)
+      return failure("section out of range");
+  }
+  Part p;
+  p.positions = section<Vec3>(bytes, table[kPositions]);
+  p.normals = section<Vec3>(bytes, table[kNormals]);
+  p.uvs = section<Vec2>(bytes, table[kUvs]);
+  p.triangles = section<Triangle>(bytes, table[kTriangles]);
+  p.primitive_ids = section<std::uint32_t>(bytes, table[kPrimitiveIds]);
+  p.chunks = section<MeshChunk>(bytes, table[kChunks]);
+  p.quadrics = section<QuadricRecord>(bytes, table[kQuadrics]);
+  p.instances = section<InstanceRecord>(bytes, table[kInstances]);
+  p.owner = std::move(owner);
+  if (const char* why = bad_content(p)) return failure(why);
+  return p;
+}
+
+Result<Part> read_part_file(const std::string& path) {
+  try {
+    MappedFile file = map_file(path);
+    Result<Part> part = read_part(file.bytes, std::move(file.owner));
+    return part ? std::move(part) : Result<Part>::failure(path + ": " + part.error());
+  } catch (const std::system_error& e) {
+    return Result<Part>::failure(e.what());
+  }
+}
+
+std::optional<std::string> find_bad_reference(const Part& part, const Manifest& manifest) {
+  const auto outside = [](std::uint32_t id, std::size_t size) { return id != kNone && id >= size; };
+  const SceneDescription& scene = manifest.scene;
+  for (const MeshChunk& c : part.chunks) {
+    if (outside(c.material, scene.materials.size())) return "part: no such material";
+    if (outside(c.light, manifest.shape_lights.size())) return "part: no such light";
+    if (outside(c.alpha_texture, scene.textures.size()) ||
+        outside(c.shadow_alpha_texture, scene.textures.size()))
+      return "part: no such texture";
+  }
+  for (const QuadricRecord& q : part.quadrics) {
+    if (outside(q.material, scene.materials.size())) return "part: no such material";
+    if (outside(q.light, manifest.shape_lights.size())) return "part: no such light";
+    if (outside(q.alpha_texture, scene.textures.size())) return "part: no such texture";
+  }
+  for (const InstanceRecord& i : part.instances)
+    if (i.prototype >= manifest.prototypes.size()) return "part: no such prototype";
+  return std::nullopt;
+}
+
+}  // namespace cloudrenderer
