@@ -1,0 +1,66 @@
+#pragma once
+#include <cstdint>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "base/log.h"
+#include "parts/spool.h"
+#include "scene/description.h"
+
+namespace cloudrenderer {
+
+// An ObjectBegin block as read.
+struct PrototypeSpool {
+  // An instance inside the block that was too large to be copied into it: instances of the block become instances of
+  // this one too.
+  struct Nested {
+    std::uint32_t prototype = 0;
+    Transform to_object;
+    std::uint32_t first_shape = 0;  // local id of the nested prototype's local shape 0
+  };
+  std::string name;
+  std::vector<std::uint32_t> rows;
+  std::vector<Nested> nested;
+  std::uint32_t shape_count = 0;  // local ids given away
+  Bounds3 box;                    // of the rows
+  double bytes = 0;               // predicted, of the rows
+};
+
+// Receives a scene while it is parsed, builds the geometry of each shape, numbers it, and puts it into temporary files.
+class SceneSpool : public SceneSink {
+ public:
+  SceneSpool(const std::string& folder, Warnings& warnings);
+
+  void begin_object(ObjectId id, const std::string& name) override;
+  void end_object(ObjectId id) override;
+  void shape(ShapeDesc&& shape, const SceneDescription& scene) override;
+  void instance(const InstanceDesc& instance, const SceneDescription& scene) override;
+
+  Spool& spool() { return spool_; }
+  const std::vector<PrototypeSpool>& prototypes() const { return prototypes_; }
+  // World instances; InstanceRecord::prototype counts in prototypes() here.
+  SpoolArray<InstanceRecord>& instances() { return instances_; }
+  const std::vector<AreaLightId>& shape_lights() const { return shape_lights_; }
+
+ private:
+  std::uint32_t take_ids(PrototypeSpool* owner, std::uint32_t count, const FileLocation& location);
+  std::uint32_t texture_index(const ShapeDesc& shape, const char* name, const SceneDescription& scene);
+  PrototypeSpool* open_prototype();
+  void add_row(PrototypeSpool& owner, std::uint32_t number, const ShapeRow& row);
+  void nest(PrototypeSpool& outer, std::uint32_t inner, const InstanceDesc& instance);
+
+  Warnings& warnings_;
+  Spool spool_;
+  SpoolArray<InstanceRecord> instances_;
+  std::vector<PrototypeSpool> prototypes_;
+  std::unordered_map<ObjectId, std::uint32_t> prototype_of_;
+  std::vector<AreaLightId> shape_lights_;
+  std::unordered_map<std::string, std::uint32_t> texture_of_;  // grows with the scene's textures
+  std::size_t textures_seen_ = 0;
+  ObjectId open_;
+  std::uint32_t next_shape_ = 0;
+  bool warned_emissive_object_ = false;
+};
+
+}  // namespace cloudrenderer

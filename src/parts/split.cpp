@@ -1,0 +1,51 @@
+#include "parts/split.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <filesystem>
+#include <system_error>
+
+#include "parts/mapped_file.h"
+#include "parts/scene_files.h"
+#include "parts/splitter.h"
+
+namespace cloudrenderer {
+
+namespace fs = std::filesystem;
+
+Manifest split_scene(const std::string& scene_path, const std::string& out_folder, const SplitOptions& options,
+                     Warnings& warnings) {
+  SceneSplitter splitter(out_folder, options, warnings);
+  ParseOptions parse;
+  parse.dialect = options.dialect;
+  SceneDescription scene = parse_scene(scene_path, parse, splitter.sink(), warnings);
+  return splitter.finish(std::move(scene));
+}
+
+Manifest open_split(const std::string& folder) {
+  const std::string path = folder + "/manifest.bin";
+  try {
+    const MappedFile file = map_file(path);
+    Result<Manifest> manifest = decode_manifest(file.bytes);
+    if (!manifest) throw SceneError({}, path + ": " + manifest.error());
+    make_file_names_absolute(manifest->scene, folder);
+    return std::move(*manifest);
+  } catch (const std::system_error& e) {
+    throw SceneError({}, folder + " is no split scene: " + e.what());
+  }
+}
+
+bool is_split_folder(const std::string& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(fs::path(path) / "manifest.bin", ignored);
+}
+
+std::string part_path(const std::string& folder, std::uint32_t part) {
+  return fmt::format("{}/parts/{:05}.part", folder, part);
+}
+
+std::string prototype_path(const std::string& folder, std::uint32_t prototype) {
+  return fmt::format("{}/prototypes/{:05}.part", folder, prototype);
+}
+
+}  // namespace cloudrenderer

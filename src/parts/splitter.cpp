@@ -1,0 +1,299 @@
+#include "parts/splitter.h"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <system_error>
+#include <vector>
+
+#include "parts/part_builder.h"
+#include "parts/part_maker.h"
+#include "parts/partition.h"
+#include "parts/scene_files.h"
+#include "parts/scene_spool.h"
+#include "parts/text.h"
+
+namespace cloudrenderer {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A shape belongs to the main scene when its box has more than this share of the scene's surface and it is cheap.
+constexpr float kLargeShare = 0.1f;
+constexpr float kCheapBytes = 64 << 10;
+constexpr double kAllCheapBytes = 16 << 20;  // of all such shapes
+constexpr double kEmissiveBytes = 64 << 20;
+// A sky sphere hides that a ground plane is large. When all large shapes together leave less than this share of the
+// surface, the rule is applied again to what is left.
+constexpr float kShrinks = 0.25f;
+// Copies of a vertex at the borders of parts come on top of the prediction.
+constexpr double kFill = 0.97;
+// A prototype up to this many parts large is one blob.
+constexpr double kLargePrototype = 4;
+
+std::string scratch_folder(const std::string& out, const SplitOptions& options) {
+  return options.scratch.empty() ? out : options.scratch;
+}
+
+// Files of an earlier split, and only those.
+void remove_old_split(const fs::path& folder) {
+  fs::remove(folder / "manifest.bin");
+  fs::remove(folder / "main.pbrt");
+  for (const char* sub : {"parts", "prototypes"}) {
+    fs::create_directories(folder / sub);
+    for (const fs::directory_entry& e : fs::directory_iterator(folder / sub))
+      if (e.path().extension() == ".part" || e.path().extension() == ".pbrt") fs::remove(e.path());
+  }
+}
+
+// Written under another name first: a split folder is complete or has no manifest.
+void write_manifest(const std::string& folder, const std::string& bytes) {
+  const fs::path path = fs::path(folder) / "manifest.bin", temporary = fs::path(folder) / "manifest.tmp";
+  std::ofstream file(temporary, std::ios::binary);
+  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (!file) throw std::system_error(errno, std::generic_category(), temporary.string());
+  fs::rename(temporary, path);
+}
+
+}  // namespace
+
+class SceneSplitter::Work {
+ public:
+  Work(const std::string& out, const SplitOptions& options, Warnings& warnings)
+      : out_(out), options_(options), warnings_(warnings), scratch_(scratch_folder(out, options)),
+        scene_(scratch_, warnings), records_(scratch_), items_(scratch_) {}
+
+  SceneSink& sink() { return scene_; }
+  Manifest finish(SceneDescription description);
+
+ private:
+  // What an instance of a prototype becomes: an instance of each piece.
+  struct Piece {
+    std::uint32_t blob = 0;
+    std::uint32_t first_shape = 0;
+    Transform to_object;
+  };
+
+  void write_prototypes();
+  void write_prototype(std::uint32_t index);
+  void move_into_world(std::uint32_t index);
+  void expand_instances();
+  std::vector<std::uint32_t> choose_main_scene();
+  void write_main_scene(const std::vector<std::uint32_t>& rows);
+  void write_world();
+  bool write_part(std::span<Item> items, PartMaker& maker, bool accept_any);
+  PartMaker maker() { return {scene_.spool().map(), records_.map(), options_.memory / 4}; }
+  double capacity() const { return kFill * static_cast<double>(options_.part_size); }
+
+  std::string out_;
+  SplitOptions options_;
+  Warnings& warnings_;
+  std::string scratch_;
+  SceneSpool scene_;
+  SpoolArray<InstanceRecord> records_;  // instances of blobs in the world
+  SpoolArray<Item> items_;              // instances first, then triangles and quadrics
+  std::vector<std::vector<Piece>> pieces_;  // by prototype as read
+  std::vector<bool> in_main_;               // by row
+  std::vector<std::uint64_t> checksums_;
+  Bounds3 instance_box_;
+  Manifest manifest_;
+};
+
+Manifest SceneSplitter::Work::finish(SceneDescription description) {
+  manifest_.scene = std::move(description);
+  manifest_.shape_lights = scene_.shape_lights();
+  write_prototypes();
+  expand_instances();
+  write_main_scene(choose_main_scene());
+  write_world();
+
+  checksums_.push_back(collect_files(manifest_.scene, out_, warnings_));
+  checksums_.push_back(0);
+  const std::string unnamed = encode(manifest_);
+  checksums_.back() = XXH3_64bits(unnamed.data(), unnamed.size());
+  manifest_.content_hash = XXH3_64bits(checksums_.data(), checksums_.size() * sizeof(std::uint64_t));
+  if (options_.text) write_text(out_, manifest_);
+  write_manifest(out_, encode(manifest_));
+  make_file_names_absolute(manifest_.scene, out_);
+  return std::move(manifest_);
+}
+
+void SceneSplitter::Work::write_prototypes() {
+  const std::vector<PrototypeSpool>& prototypes = scene_.prototypes();
+  std::vector<std::uint32_t> uses(prototypes.size(), 0);
+  for (const InstanceRecord& i : scene_.instances().map()) ++uses[i.prototype];
+  const std::vector<std::uint32_t> world_uses = uses;
+  // An object refers only to objects before it.
+  for (std::size_t p = prototypes.size(); p-- > 0;)
+    if (uses[p] > 0)
+      for (const PrototypeSpool::Nested& n : prototypes[p].nested) uses[n.prototype] += uses[p];
+
+  pieces_.resize(prototypes.size());
+  for (std::uint32_t p = 0; p < prototypes.size(); ++p) {
+    if (uses[p] == 0) continue;
+    const bool large = prototypes[p].bytes > kLargePrototype * static_cast<double>(options_.part_size);
+    if (large && uses[p] == 1 && world_uses[p] == 1)
+      move_into_world(p);
+    else
+      write_prototype(p);
+    for (const PrototypeSpool::Nested& n : prototypes[p].nested)
+      for (const Piece& piece : pieces_[n.prototype])
+        pieces_[p].push_back({piece.blob, n.first_shape + piece.first_shape, n.to_object * piece.to_object});
+  }
+}
+
+void SceneSplitter::Work::write_prototype(std::uint32_t index) {
+  const PrototypeSpool& prototype = scene_.prototypes()[index];
+  PartMaker make = maker();
+  SpoolArray<Item> file(scratch_);
+  for (const std::uint32_t row : prototype.rows) make.items_of(row, [&](const Item& i) { file.push_back(i); });
+  const std::span<Item> items = file.map();
+  const bool split = prototype.bytes > kLargePrototype * static_cast<double>(options_.part_size);
+  const double room = split ? capacity() : std::numeric_limits<double>::max();
+
+  const auto write = [&](std::span<Item> run) {
+    PartBuilder builder;
+    make.add(run, builder);
+    if (split && builder.predicted_bytes() > options_.part_size && run.size() > 1) return false;
+    PrototypeInfo info;
+    info.name = prototype.name;
+    for (const Item& i : run) info.bounds.extend(i.box);
+    info.loaded_bytes = builder.predicted_bytes();
+    info.triangles = builder.triangle_count();
+    info.shapes = prototype.shape_count;
+    const auto blob = static_cast<std::uint32_t>(manifest_.prototypes.size());
+    const PartBuilder::File written = builder.write(prototype_path(out_, blob));
+    info.file_bytes = written.bytes;
+    checksums_.push_back(written.checksum);
+    manifest_.total_triangles += info.triangles;
+    manifest_.prototypes.push_back(std::move(info));
+    pieces_[index].push_back({blob, 0, Transform()});
+    return true;
+  };
+  partition(items, [&](const Item& i) { return make.cost(i); }, room, write);
+}
+
+// The only instance of a very large object: its shapes become shapes of the world.
+void SceneSplitter::Work::move_into_world(std::uint32_t index) {
+  const PrototypeSpool& prototype = scene_.prototypes()[index];
+  const auto instances = scene_.instances().map();
+  const auto only = std::find_if(instances.begin(), instances.end(),
+                                 [index](const InstanceRecord& i) { return i.prototype == index; });
+  const Spool::View view = scene_.spool().map();
+  for (const std::uint32_t r : prototype.rows) {
+    const ShapeRow source = view.rows[r];
+    ShapeRow row;
+    row.shape = only->first_shape + source.shape;
+    scene_.spool().add_moved(view, source, only->to_world, row);
+  }
+}
+
+void SceneSplitter::Work::expand_instances() {
+  std::uint64_t count = 0;
+  for (const InstanceRecord& i : scene_.instances().map())
+    for (const Piece& piece : pieces_[i.prototype]) {
+      const InstanceRecord record{i.to_world * piece.to_object, piece.blob, i.first_shape + piece.first_shape};
+      if (count >= kNone) throw SceneError({}, "more than 2^32 instances");
+      const Item item{grown(manifest_.prototypes[piece.blob].bounds.transformed(record.to_world)), kInstanceItem,
+                      static_cast<std::uint32_t>(count)};
+      if (!is_finite(item.box.min) || !is_finite(item.box.max)) continue;
+      ++count;
+      records_.push_back(record);
+      items_.push_back(item);
+      instance_box_.extend(item.box);
+    }
+}
+
+// Rows of the shapes that every host holds. Marks them in in_main_.
+std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
+  const std::span<const ShapeRow> rows = scene_.spool().map().rows;
+  in_main_.assign(rows.size(), false);
+  double emissive = 0, cheap = 0;
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].prototype == kNone && rows[r].light != kNone) {
+      in_main_[r] = true;
+      emissive += rows[r].bytes();
+    }
+  if (emissive > kEmissiveBytes)
+    warnings_.add({}, "shapes that emit light take " + std::to_string(static_cast<std::uint64_t>(emissive) >> 20) +
+                          " MiB on every host");
+  manifest_.bounds = instance_box_;
+  for (const ShapeRow& row : rows)
+    if (row.prototype == kNone) manifest_.bounds.extend(row.box);
+
+  Bounds3 scene = manifest_.bounds;
+  for (bool again = true; again;) {
+    Bounds3 rest = instance_box_;
+    for (std::size_t r = 0; r < rows.size(); ++r) {
+      if (rows[r].prototype != kNone || in_main_[r]) continue;
+      const bool large = rows[r].box.surface_area() > kLargeShare * scene.surface_area();
+      if (large && rows[r].bytes() <= kCheapBytes && cheap + rows[r].bytes() <= kAllCheapBytes) {
+        in_main_[r] = true;
+        cheap += rows[r].bytes();
+      } else {
+        rest.extend(rows[r].box);
+      }
+    }
+    again = !rest.empty() && rest.surface_area() < kShrinks * scene.surface_area();
+    scene = rest;
+  }
+  std::vector<std::uint32_t> chosen;
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (in_main_[r]) chosen.push_back(static_cast<std::uint32_t>(r));
+  return chosen;
+}
+
+void SceneSplitter::Work::write_main_scene(const std::vector<std::uint32_t>& rows) {
+  PartMaker make = maker();
+  SpoolArray<Item> items(scratch_);
+  for (const std::uint32_t row : rows) make.items_of(row, [&](const Item& i) { items.push_back(i); });
+  write_part(items.map(), make, true);
+}
+
+void SceneSplitter::Work::write_world() {
+  PartMaker make = maker();
+  const std::span<const ShapeRow> rows = scene_.spool().map().rows;
+  for (std::uint32_t r = 0; r < rows.size(); ++r)
+    if (rows[r].prototype == kNone && !in_main_[r])
+      make.items_of(r, [&](const Item& i) { items_.push_back(i); });
+  partition(items_.map(), [&](const Item& i) { return make.cost(i); }, capacity(),
+            [&](std::span<Item> run) { return write_part(run, make, run.size() == 1); });
+}
+
+bool SceneSplitter::Work::write_part(std::span<Item> items, PartMaker& make, bool accept_any) {
+  PartBuilder builder;
+  make.add(items, builder);
+  PartInfo info;
+  info.loaded_bytes = builder.predicted_bytes();
+  if (info.loaded_bytes > options_.part_size && !accept_any) return false;
+  info.triangles = builder.triangle_count();
+  std::set<std::uint32_t> prototypes;
+  const std::span<const InstanceRecord> records = records_.map();
+  for (const Item& i : items)
+    if (i.source == kInstanceItem) prototypes.insert(records[i.primitive].prototype);
+  info.prototypes.assign(prototypes.begin(), prototypes.end());
+  info.boxes = tight_boxes(items);
+  const PartBuilder::File file = builder.write(part_path(out_, static_cast<std::uint32_t>(manifest_.parts.size())));
+  info.file_bytes = file.bytes;
+  checksums_.push_back(file.checksum);
+  manifest_.total_triangles += info.triangles;
+  manifest_.parts.push_back(std::move(info));
+  return true;
+}
+
+SceneSplitter::SceneSplitter(const std::string& out_folder, const SplitOptions& options, Warnings& warnings) {
+  if (options.part_size == 0) throw UsageError("the part size must be larger than 0");
+  fs::create_directories(out_folder);
+  remove_old_split(out_folder);
+  work_ = std::make_unique<Work>(out_folder, options, warnings);
+}
+
+SceneSplitter::~SceneSplitter() = default;
+SceneSink& SceneSplitter::sink() { return work_->sink(); }
+Manifest SceneSplitter::finish(SceneDescription scene) { return work_->finish(std::move(scene)); }
+
+}  // namespace cloudrenderer

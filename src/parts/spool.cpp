@@ -1,0 +1,135 @@
+#include "parts/spool.h"
+
+#include <vector>
+
+#include "parts/part_builder.h"
+#include "parts/part_format.h"
+
+namespace cloudrenderer {
+namespace {
+
+// Vertices of a moved mesh that are in memory at a time.
+constexpr std::size_t kBlock = 4096;
+
+template <class T, class Move>
+void append_moved(SpoolArray<T>& to, std::span<const T> from, const Move& move) {
+  std::vector<T> block;
+  for (std::size_t i = 0; i < from.size(); i += kBlock) {
+    block.assign(from.begin() + static_cast<std::ptrdiff_t>(i),
+                 from.begin() + static_cast<std::ptrdiff_t>(std::min(from.size(), i + kBlock)));
+    for (T& v : block) v = move(v);
+    to.append(block);
+  }
+}
+
+float triangle_bytes(std::size_t vertices, std::size_t triangles, bool normals, bool uvs) {
+  const auto vertex = static_cast<double>(sizeof(Vec3) + (normals ? sizeof(Vec3) : 0) + (uvs ? sizeof(Vec2) : 0));
+  const double shared = static_cast<double>(vertices) / static_cast<double>(triangles);
+  return static_cast<float>(static_cast<double>(loaded_bytes::kBvhTriangle + sizeof(Triangle) +
+                                                sizeof(std::uint32_t)) +
+                            std::min(3.0, shared) * vertex);
+}
+
+}  // namespace
+
+bool triangle_box(std::span<const Vec3> positions, const Triangle& t, Bounds3& box) {
+  box = {};
+  bool ok = true;
+  for (int i = 0; i < 3; ++i) {
+    const Vec3& p = positions[t[i]];
+    for (int a = 0; a < 3; ++a) ok &= std::fabs(p[a]) <= part_format::kLargest;
+    box.extend(p);
+  }
+  return ok;
+}
+
+Bounds3 grown(const Bounds3& box) {
+  if (box.empty()) return box;
+  const Vec3 e = 0x1p-20f * glm::max(glm::abs(box.min), glm::abs(box.max));
+  return {box.min - e, box.max + e};
+}
+
+Spool::Spool(const std::string& folder)
+    : rows_(folder), positions_(folder), normals_(folder), uvs_(folder), triangles_(folder), quadrics_(folder) {}
+
+std::uint32_t Spool::add_mesh(ShapeRow& row, std::span<const Vec3> positions, std::span<const Vec3> normals,
+                              std::span<const Vec2> uvs, std::span<const Triangle> triangles,
+                              std::uint64_t& dropped) {
+  row.box = {};
+  std::uint64_t kept = 0;
+  for (const Triangle& t : triangles) {
+    Bounds3 box;
+    if (!triangle_box(positions, t, box)) continue;
+    row.box.extend(box);
+    ++kept;
+  }
+  dropped += triangles.size() - kept;
+  if (kept == 0) return kNone;
+  row.first_vertex = positions_.size();
+  row.vertex_count = positions.size();
+  row.first_normal = normals.empty() ? ShapeRow::kNoArray : normals_.size();
+  row.first_uv = uvs.empty() ? ShapeRow::kNoArray : uvs_.size();
+  row.first_triangle = triangles_.size();
+  row.triangle_count = triangles.size();
+  row.item_bytes = triangle_bytes(positions.size(), triangles.size(), !normals.empty(), !uvs.empty());
+  positions_.append(positions);
+  normals_.append(normals);
+  uvs_.append(uvs);
+  triangles_.append(triangles);
+  rows_.push_back(row);
+  return static_cast<std::uint32_t>(rows_.size() - 1);
+}
+
+std::uint32_t Spool::add_quadric(ShapeRow& row, const Quadric& quadric) {
+  row.box = grown(world_bounds(quadric));
+  const auto bounded = [](const Vec3& v) { return max_component(glm::abs(v)) <= part_format::kLargest; };
+  if (row.box.empty() || !bounded(row.box.min) || !bounded(row.box.max)) return kNone;
+  row.quadric = static_cast<std::uint32_t>(quadrics_.size());
+  row.item_bytes = static_cast<float>(loaded_bytes::kBvhUser + sizeof(QuadricRecord));
+  quadrics_.push_back(quadric);
+  rows_.push_back(row);
+  return static_cast<std::uint32_t>(rows_.size() - 1);
+}
+
+std::uint32_t Spool::add_moved(const View& view, const ShapeRow& source, const Transform& to,
+                               ShapeRow& row) {
+  const std::uint32_t shape = row.shape, prototype = row.prototype;
+  row = source;
+  row.shape = shape;
+  row.prototype = prototype;
+  // The moved normal must be the normal of the moved shape: a mirroring turns the cross product of the edges.
+  row.flip = source.flip ^ (to.swaps_handedness() ? 1u : 0u);
+  if (source.quadric != kNone) {
+    Quadric q = view.quadrics[source.quadric];
+    q.object_to_world = to * q.object_to_world;
+    return add_quadric(row, q);
+  }
+  const auto part = [](auto span, std::uint64_t first, std::uint64_t count) {
+    return span.subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(count));
+  };
+  row.first_vertex = positions_.size();
+  append_moved(positions_, part(view.positions, source.first_vertex, source.vertex_count),
+               [&](const Vec3& p) { return to.point(p); });
+  if (source.first_normal != ShapeRow::kNoArray) {
+    row.first_normal = normals_.size();
+    append_moved(normals_, part(view.normals, source.first_normal, source.vertex_count),
+                 [&](const Vec3& n) { return to.normal(n); });
+  }
+  // Indices and uvs do not change and are shared.
+  row.box = {};
+  const auto positions = part(view.positions, source.first_vertex, source.vertex_count);
+  for (const Triangle& t : part(view.triangles, source.first_triangle, source.triangle_count))
+    for (int i = 0; i < 3; ++i) {
+      const Vec3 p = to.point(positions[t[i]]);
+      if (is_finite(p)) row.box.extend(p);
+    }
+  if (row.box.empty()) return kNone;
+  rows_.push_back(row);
+  return static_cast<std::uint32_t>(rows_.size() - 1);
+}
+
+Spool::View Spool::map() {
+  return {rows_.map(), positions_.map(), normals_.map(), uvs_.map(), triangles_.map(), quadrics_.map()};
+}
+
+}  // namespace cloudrenderer
