@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Installs what building and testing need: Debian 12 or later packages, as root. Quiet; does nothing when all is there.
+set -euo pipefail
+
+packages=(
+  build-essential cmake ninja-build ccache pkg-config clang-format clang-tidy
+  libembree-dev libopenexr-dev libopenimageio-dev libglm-dev libtbb-dev
+  uuid-dev libasio-dev libprotobuf-dev protobuf-compiler libssl-dev openssl
+  libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
+  zlib1g-dev liblz4-dev libzstd-dev libxxhash-dev libboost-dev
+  libgtest-dev libbenchmark-dev
+  python3 python3-numpy python3-openimageio iproute2
+)
+
+missing=()
+for package in "${packages[@]}"; do
+  [[ $(dpkg-query -W -f '${Status}' "$package" 2>/dev/null) == "install ok installed" ]] || missing+=("$package")
+done
+[[ ${#missing[@]} -eq 0 ]] && exit 0
+
+if [[ $(id -u) -ne 0 ]]; then
+  echo "setup.sh: these packages are missing, and installing them needs root: ${missing[*]}" >&2
+  exit 1
+fi
+echo "setup.sh: installing ${missing[*]}"
+export DEBIAN_FRONTEND=noninteractive
+log=$(mktemp)
+if ! { apt-get update -qq && apt-get install -y -qq --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
+  cat "$log" >&2
+  echo "setup.sh: apt-get failed; its output is above" >&2
+  rm -f "$log"
+  exit 1
+fi
+rm -f "$log"
