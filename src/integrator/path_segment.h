@@ -40,6 +40,7 @@ struct PathSegment {
   std::uint16_t vertex = 0;          // surfaces scattered at so far
   std::uint16_t flags = 0;
   std::uint16_t window = 0;          // `tested` speaks of candidates 64 * window + i along the ray
+  std::uint16_t passed = 0;          // null surfaces passed so far
   float cone_width = 0, cone_spread = 0;  // footprint, when the scene needs it
 };
 

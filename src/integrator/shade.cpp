@@ -4,7 +4,7 @@
 #include "base/sampling.h"
 #include "integrator/path_tracer.h"
 #include "integrator/timer.h"
-#include "shapes/offset.h"
+#include "shapes/surface.h"
 #include "shapes/triangle.h"
 
 namespace cloudrenderer {
@@ -15,13 +15,17 @@ namespace {
 constexpr std::uint32_t kCameraDimensions = 2, kVertexDimensions = 4;
 enum VertexDimension : std::uint32_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
-constexpr std::uint32_t kMaxVertices = 1000;  // index-matched surfaces passed count too: no path is endless
+constexpr std::uint16_t kMaxPassed = 1000;    // null surfaces in a row of one path: none is endless
 constexpr std::uint32_t kRouletteFrom = 1;    // vertex after which paths are thinned
+
+// A path survives with this times its largest throughput, at most surely.
+constexpr float kRouletteScale = 1.f;
 
 // Shadow rays stop this far (relative) before the light's surface.
 constexpr float kShadowEnd = 1.f - 1e-4f;
 
 float power_weight(float a, float b) {
+  if (!(a > 0.f)) return 0.f;
   const float a2 = a * a, b2 = b * b;
   return a2 / (a2 + b2);
 }
@@ -98,8 +102,19 @@ SurfacePoint PathTracer::Shader::surface(const Hit& hit, std::uint32_t& material
     const MeshChunk& c = part.chunk_of(hit.index);
     material = c.material;
     light = c.light;
-    const Triangle tri = part.triangles[hit.index];
-    p = triangle_point(part, c, tri, tracer.dialect_, hit.u, hit.v, derivatives);
+    const Triangle index = part.triangles[hit.index];
+    TriangleVertices tri;
+    for (int i = 0; i < 3; ++i) tri.p[static_cast<std::size_t>(i)] = part.positions[index[i]];
+    if (c.first_normal != kNone) {
+      tri.has_normals = true;
+      for (int i = 0; i < 3; ++i) tri.n[static_cast<std::size_t>(i)] = part.normals[c.first_normal + index[i] - c.first_vertex];
+    }
+    // pbrt-v2 takes the side of a triangle from its uv map.
+    if (c.first_uv != kNone && (derivatives || tracer.dialect_ == Dialect::v2)) {
+      tri.has_uvs = true;
+      for (int i = 0; i < 3; ++i) tri.uv[static_cast<std::size_t>(i)] = part.uvs[c.first_uv + index[i] - c.first_vertex];
+    }
+    p = triangle_point(tri, c.flip != 0, tracer.dialect_, hit.u, hit.v, derivatives);
   } else {
     const QuadricRecord& q = part.quadrics[hit.index];
     material = q.material;
@@ -225,14 +240,14 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     }
   }
   if (tracer.shading_->is_null(material)) {
-    // Nothing happens here; what the ray may still find is as before. previous_pdf and the start of the ray stay
-    // those of the last real vertex only in direction, which is all that infinite lights ask for.
-    if (++s.flags, s.vertex >= kMaxVertices) return end();
-    --s.flags;
+    // The surface is passed through. As in pbrt's `path`, light that a scattered ray finds behind it does not count
+    // (shadow rays are blocked by it, and the two must agree): a density of 0 has no weight.
+    s.previous_pdf = 0;
+    if (s.flags & kLastRay || ++s.passed > kMaxPassed) return end();
     s.cone_width += s.cone_spread * hit.t;
     return next(p, s.direction);
   }
-  if ((s.flags & kLastRay) || s.vertex >= std::min(job.light_vertices, kMaxVertices)) return end();
+  if ((s.flags & kLastRay) || s.vertex >= job.light_vertices) return end();
 
   const Footprint print = tracer.footprint_ ? footprint(p, hit.t) : Footprint{};
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, wo, print);
@@ -255,13 +270,13 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const bool last = !sample.specular && (job.integrator == IntegratorKind::direct || s.vertex >= job.light_vertices);
   if (last) {
     // The ray is only the other half of the light sample at this vertex.
-    if (!tracer.lights_->has_hittable()) return end();
+    if (!tracer.hittable_lights_) return end();
     s.flags |= kLastRay;
   } else if (sample.specular && s.vertex > job.emission_vertex && s.vertex >= job.light_vertices) {
     return end();
   }
   if (s.vertex > kRouletteFrom) {
-    const float survive = std::min(1.f, max_component(s.throughput) * tracer.roulette_scale_);
+    const float survive = std::min(1.f, max_component(s.throughput) * kRouletteScale);
     if (survive < 1.f) {
       if (choice.y >= survive) return end();
       s.throughput /= survive;

@@ -50,6 +50,7 @@ void quadric_intersect(const RTCIntersectFunctionNArguments* args) {
       RTCFilterFunctionNArguments f{&valid, args->geometryUserPtr, args->context, reinterpret_cast<RTCRayN*>(&single),
                                     reinterpret_cast<RTCHitN*>(&hit), 1};
       intersect_filter(&f);
+      if (valid) RTCRayN_tfar(rays, args->N, i) = single.tfar;
     }
     if (valid)
       rtcCopyHitToHitN(hits, &hit, args->N, i);
@@ -93,6 +94,11 @@ void intersect_filter(const RTCFilterFunctionNArguments* args) {
         continue;
       }
     }
+    // The ray reaches a little behind the best hit (see reach()): what is really behind it is no hit.
+    if (t > best.t) {
+      args->valid[i] = 0;
+      continue;
+    }
     const std::uint32_t inst = RTCHitN_instID(args->hit, n, i, 0);
     const std::uint32_t instance = inst == RTC_INVALID_GEOMETRY_ID ? kNone : inst - kFirstInstance;
     if (t == best.t) {
@@ -109,6 +115,7 @@ void intersect_filter(const RTCFilterFunctionNArguments* args) {
     best.geometry = geometry;
     best.index = index;
     best.instance = instance;
+    RTCRayN_tfar(args->ray, n, i) = reach(t);
   }
 }
 

@@ -60,6 +60,10 @@ struct QueryContext {
   };
   Lane* lanes = nullptr;
 };
+// Where a ray must end so that a hit at t is still offered. Embree compares numerators (T <= |den| * t_far), which
+// loses half of the hits that tie with the best one by rounding.
+inline float reach(float t) { return t * (1.f + 0x1p-21f); }
+
 inline constexpr std::uint32_t kForeign = 0xfffffffeu;
 
 void intersect_filter(const RTCFilterFunctionNArguments* args);

@@ -78,7 +78,7 @@ bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit
   QueryContext::Lane lane = lane_of(hit);
   QueryContext context = make_context(part, &lane, false);
   RTCRayHit rh;
-  rh.ray = single_ray(ray, std::min(ray.t_max, hit.t));
+  rh.ray = single_ray(ray, std::min(ray.t_max, reach(hit.t)));
   rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(part.scene(), &context.embree, &rh);
@@ -100,7 +100,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const TraceRay* const* rays,
     // Lanes that are off still get numbers: Embree reads them before it masks them.
     const int from = on ? i : std::countr_zero(active);
     lanes[i] = lane_of(*hits[from]);
-    fill_lane(rh.ray, i, *rays[from], std::min(rays[from]->t_max, hits[from]->t));
+    fill_lane(rh.ray, i, *rays[from], std::min(rays[from]->t_max, reach(hits[from]->t)));
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }

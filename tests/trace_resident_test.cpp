@@ -1,0 +1,217 @@
+#include "trace/resident.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <memory>
+#include <random>
+#include <vector>
+
+namespace cloudrenderer {
+namespace {
+
+// Arrays that own themselves, as a part file does.
+struct Arrays {
+  std::vector<Vec3> positions;
+  std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> primitive_ids;
+  std::vector<MeshChunk> chunks;
+  std::vector<QuadricRecord> quadrics;
+  std::vector<InstanceRecord> instances;
+};
+
+Part as_part(std::shared_ptr<Arrays> a) {
+  a->positions.reserve(a->positions.size() + 2);  // readable bytes behind the last vertex
+  Part p;
+  p.positions = a->positions;
+  p.triangles = a->triangles;
+  p.primitive_ids = a->primitive_ids;
+  p.chunks = a->chunks;
+  p.quadrics = a->quadrics;
+  p.instances = a->instances;
+  p.owner = std::move(a);
+  return p;
+}
+
+// A bumpy terrain: many shared edges. Triangles whose number has remainder r mod m, in reverse order if asked: the
+// same surface cut and stored in different ways.
+std::shared_ptr<Arrays> terrain(std::uint32_t n, std::uint32_t m, std::uint32_t r, bool reverse) {
+  auto a = std::make_shared<Arrays>();
+  for (std::uint32_t y = 0; y <= n; ++y)
+    for (std::uint32_t x = 0; x <= n; ++x)
+      a->positions.push_back({static_cast<float>(x), static_cast<float>((x * 7 + y * 13) % 5) * 0.2f, static_cast<float>(y)});
+  std::vector<std::pair<std::uint32_t, Triangle>> all;
+  for (std::uint32_t y = 0, i = 0; y < n; ++y)
+    for (std::uint32_t x = 0; x < n; ++x) {
+      const std::uint32_t p = y * (n + 1) + x;
+      for (const Triangle t : {Triangle{p, p + 1, p + n + 1}, Triangle{p + n + 1, p + 1, p + n + 2}}) {
+        if (i % m == r) all.emplace_back(i, t);
+        ++i;
+      }
+    }
+  if (reverse) std::reverse(all.begin(), all.end());
+  for (const auto& [id, t] : all) {
+    a->triangles.push_back(t);
+    a->primitive_ids.push_back(id);
+  }
+  MeshChunk c;
+  c.shape = 3;
+  c.triangle_count = static_cast<std::uint32_t>(a->triangles.size());
+  c.vertex_count = static_cast<std::uint32_t>(a->positions.size());
+  c.primitive_ids = 0;
+  a->chunks.push_back(c);
+  return a;
+}
+
+std::vector<TraceRay> rays_at_terrain(std::uint32_t n) {
+  std::mt19937 rng(11);
+  std::uniform_real_distribution<float> u(0, 1);
+  std::vector<TraceRay> rays;
+  for (int i = 0; i < 40000; ++i) {
+    TraceRay r;
+    const float size = static_cast<float>(n);
+    // Half of the rays aim at vertices and edges exactly, where triangles tie.
+    Vec3 target{std::floor(u(rng) * size), 0, std::floor(u(rng) * size)};
+    if (i % 2) target = {u(rng) * size, 0, u(rng) * size};
+    target.y = 0;
+    // (Not parallel to an axis and through a vertex: Embree drops boxes that such a ray only touches.)
+    r.origin = Vec3(u(rng) * size, 5, u(rng) * size);
+    if (i % 4 == 0) r.origin = target + Vec3(0.25f, 10, 0.5f);
+    r.direction = glm::normalize(target - r.origin);
+    rays.push_back(r);
+  }
+  return rays;
+}
+
+void expect_same(const Hit& a, const Hit& b) {
+  ASSERT_EQ(a.t, b.t);
+  ASSERT_EQ(a.shape, b.shape);
+  ASSERT_EQ(a.primitive, b.primitive);
+  ASSERT_EQ(a.u, b.u);
+  ASSERT_EQ(a.v, b.v);
+}
+
+TEST(Resident, SplitAndOrderOfPartsDoNotChangeTheHit) {
+  prepare_compute_thread();
+  const std::uint32_t n = 60;
+  Resident whole({}), cut({});
+  whole.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)));
+  for (std::uint32_t k = 0; k < 3; ++k) cut.load_part(PartId{k + 1}, as_part(terrain(n, 3, k, k == 1)));
+  const auto a = whole.snapshot(), b = cut.snapshot();
+  int hits = 0;
+  for (const TraceRay& ray : rays_at_terrain(n)) {
+    Hit one, forward, backward;
+    a->intersect(1, ray, one);
+    for (const std::uint32_t part : {1u, 2u, 3u}) b->intersect(part, ray, forward);
+    for (const std::uint32_t part : {3u, 2u, 1u}) b->intersect(part, ray, backward);
+    expect_same(one, forward);
+    expect_same(one, backward);
+    hits += one.part != kNone;
+    ASSERT_EQ(a->occluded(1, ray), one.part != kNone);
+  }
+  EXPECT_GT(hits, 30000);
+}
+
+TEST(Resident, PacketsFindTheSameBitsAsSingleRays) {
+  prepare_compute_thread();
+  const std::uint32_t n = 60;
+  Resident resident({});
+  resident.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)));
+  const auto set = resident.snapshot();
+  const std::vector<TraceRay> rays = rays_at_terrain(n);
+  for (std::size_t i = 0; i + 8 <= rays.size(); i += 8) {
+    std::array<const TraceRay*, 8> p;
+    std::array<Hit, 8> single, packet;
+    std::array<Hit*, 8> h;
+    for (std::size_t k = 0; k < 8; ++k) {
+      p[k] = &rays[i + k];
+      h[k] = &packet[k];
+      set->intersect(1, rays[i + k], single[k]);
+    }
+    const auto active = static_cast<std::uint32_t>(0xff & ~(i / 8 % 256)) | 1u;
+    set->intersect8(1, p.data(), h.data(), active);
+    const std::uint32_t blocked = set->occluded8(1, p.data(), active);
+    for (std::size_t k = 0; k < 8; ++k) {
+      if (!(active >> k & 1u)) {
+        ASSERT_EQ(packet[k].part, kNone);
+        continue;
+      }
+      expect_same(single[k], packet[k]);
+      ASSERT_EQ(blocked >> k & 1u, single[k].part != kNone ? 1u : 0u);
+    }
+  }
+}
+
+TEST(Resident, InstancesAndQuadricsReportGlobalIds) {
+  prepare_compute_thread();
+  auto prototype = terrain(4, 1, 0, false);
+  QuadricRecord ball;
+  ball.quadric.radius = 1;
+  ball.quadric.object_to_world = Transform(Mat4(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 2, 3, 2, 1), Mat4(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -2, -3, -2, 1));
+  ball.shape = 4;
+  prototype->quadrics.push_back(ball);
+  auto world = std::make_shared<Arrays>();
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    const float x = 100.f * static_cast<float>(i);
+    world->instances.push_back({Transform(Mat4(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, 0, 0, 1), Mat4(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -x, 0, 0, 1)), 0, 10 * i});
+  }
+  Resident resident({});
+  resident.load_prototype(0, as_part(prototype));
+  resident.load_part(PartId{1}, as_part(world));
+  const auto set = resident.snapshot();
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    const float x = 100.f * static_cast<float>(i);
+    Hit on_ball, on_mesh;
+    ASSERT_TRUE(set->intersect(1, {{x + 2, 10, 2}, kInfinity, {0, -1, 0}}, on_ball));
+    EXPECT_EQ(on_ball.geometry, 1u);
+    EXPECT_EQ(on_ball.instance, i);
+    EXPECT_EQ(on_ball.shape, 10 * i + 4);
+    EXPECT_FLOAT_EQ(on_ball.t, 6);
+    ASSERT_TRUE(set->intersect(1, {{x + 0.3f, 10, 0.2f}, kInfinity, {0, -1, 0}}, on_mesh));
+    EXPECT_EQ(on_mesh.geometry, 0u);
+    EXPECT_EQ(on_mesh.shape, 10 * i + 3);
+  }
+}
+
+TEST(Resident, AlphaCutsHolesForCameraAndShadowRays) {
+  prepare_compute_thread();
+  auto a = terrain(4, 1, 0, false);
+  a->chunks[0].alpha_texture = 7;
+  Resident resident({});
+  resident.set_alpha([](std::uint32_t texture, const Vec2&, const Vec3& p) { return texture == 7 && p.x < 2.f ? 0.f : 1.f; });
+  resident.load_part(PartId{1}, as_part(a));
+  const auto set = resident.snapshot();
+  for (const float x : {0.4f, 1.6f, 2.4f, 3.6f}) {
+    const TraceRay ray{{x, 10, 1.3f}, kInfinity, {0, -1, 0}};
+    Hit hit;
+    EXPECT_EQ(set->intersect(1, ray, hit), x > 2.f) << x;
+    EXPECT_EQ(set->occluded(1, ray), x > 2.f) << x;
+  }
+}
+
+TEST(Resident, CountsBytesAndForgetsUnloadedParts) {
+  Resident resident({});
+  EXPECT_FALSE(resident.snapshot()->has(1));
+  const std::uint64_t before = resident.bytes();
+  const std::uint64_t used = resident.load_part(PartId{1}, as_part(terrain(100, 1, 0, false)));
+  EXPECT_GT(used, 20000u * 40u);
+  const auto held = resident.snapshot();
+  resident.unload_part(PartId{1});
+  EXPECT_FALSE(resident.snapshot()->has(1));
+  EXPECT_TRUE(held->has(1));  // a batch that still traces keeps what it has
+  EXPECT_GT(resident.bytes(), before + used / 2);
+  EXPECT_GE(resident.peak_bytes(), used);
+}
+
+TEST(Traceable, RefusesWhatWouldStopEmbree) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_TRUE(traceable({1, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable({nan, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable({1, 2, 3}, {0, nan, 1}));
+  EXPECT_FALSE(traceable({1, 2, 3}, {0, 0, 0}));
+  EXPECT_FALSE(traceable({1e19f, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable({1, 2, 3}, {0, kInfinity, 1}));
+}
+
+}  // namespace
+}  // namespace cloudrenderer
