@@ -1,0 +1,54 @@
+#pragma once
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "scene/description.h"
+#include "scene/transforms.h"
+
+namespace cloudrenderer {
+
+// A map that scopes share until one of them changes it.
+template <class Value>
+class ScopedMap {
+ public:
+  using Map = std::map<std::string, Value, std::less<>>;
+
+  const Value* find(std::string_view name) const {
+    const auto it = map_->find(name);
+    return it == map_->end() ? nullptr : &it->second;
+  }
+  void set(const std::string& name, Value value) {
+    if (map_.use_count() > 1) map_ = std::make_shared<Map>(*map_);
+    map_->insert_or_assign(name, std::move(value));
+  }
+
+ private:
+  std::shared_ptr<Map> map_ = std::make_shared<Map>();
+};
+
+// A material as the file gives it; becomes a MaterialDesc when a shape uses it.
+struct MaterialSource {
+  Entity entity;
+  Transform object_to_world;
+  bool textures_resolved = false;  // v2 looks a material's textures up where a shape uses it, v3 where it is defined
+  MaterialId id;                   // in the description, once a shape has used it as it is
+};
+
+struct AreaLightSource {
+  Entity entity;
+  AreaLightId id;  // in the description, once a shape has used it
+};
+
+// What AttributeBegin saves and AttributeEnd brings back.
+struct GraphicsState {
+  bool reverse_orientation = false;
+  std::shared_ptr<MaterialSource> material;
+  std::string material_name;  // v2: NamedMaterial, looked up where a shape uses it
+  std::shared_ptr<AreaLightSource> area_light;
+  ScopedMap<std::string> float_textures, spectrum_textures;  // name in the file -> unique name
+  ScopedMap<std::shared_ptr<MaterialSource>> named_materials;
+};
+
+}  // namespace cloudrenderer

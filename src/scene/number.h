@@ -1,0 +1,91 @@
+#pragma once
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+namespace cloudrenderer {
+
+namespace detail {
+// Powers of ten that a double holds exactly.
+inline constexpr double kExactPowers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                          1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+inline bool is_digit(char c) { return static_cast<unsigned char>(c - '0') < 10; }
+
+// The slow way, for numbers with many digits or extreme exponents. [begin, end) is a well-formed number without '+'.
+inline float float_from_chars(const char* begin, const char* end) {
+  float v = 0;
+  if (std::from_chars(begin, end, v).ec != std::errc::result_out_of_range) return v;
+  // from_chars does not say which side was left; double tells, with room to spare.
+  double d = 0;
+  const bool huge = std::from_chars(begin, end, d).ec == std::errc::result_out_of_range
+                        ? [&] {  // beyond double: the sign of the exponent decides
+                            for (const char* p = begin; p != end; ++p)
+                              if (*p == 'e' || *p == 'E') return p[1] != '-';
+                            for (const char* p = begin; p != end && *p != '.'; ++p)
+                              if (*p >= '1' && *p <= '9') return true;
+                            return false;
+                          }()
+                        : std::fabs(d) > 1;
+  const float magnitude = huge ? std::numeric_limits<float>::infinity() : 0.f;
+  return *begin == '-' ? -magnitude : magnitude;
+}
+}  // namespace detail
+
+// Reads a decimal number ("1", "+.5", "-2.", "1e+006") at p and moves p behind it. Gives exactly the float nearest to
+// the decimal, as std::from_chars does; infinity when it is too large, 0 when it is too small. Returns false, with p
+// where the number breaks off, when there is none.
+//
+// Method: a mantissa below 2^53 and a power of ten up to 22 are exact doubles, so that one operation gives the nearest
+// double (Clinger 1990, "How to Read Floating Point Numbers Accurately"). Rounding it again to float is right unless
+// the double lies exactly between two floats.
+inline bool parse_float(const char*& p, const char* end, float& out) {
+  using detail::is_digit;
+  const bool plus = p != end && *p == '+';
+  p += plus;
+  const char* const begin = p;
+  const bool negative = !plus && p != end && *p == '-';
+  p += negative;
+  std::uint64_t mantissa = 0;
+  int digits = 0, exponent = 0;  // digits: since the first that is not 0
+  const char* const first = p;
+  for (; p != end && is_digit(*p); ++p) {
+    mantissa = mantissa * 10 + static_cast<std::uint64_t>(*p - '0');
+    digits += mantissa != 0;
+  }
+  std::int64_t count = p - first;
+  if (p != end && *p == '.') {
+    const char* const fraction = ++p;
+    for (; p != end && is_digit(*p); ++p) {
+      mantissa = mantissa * 10 + static_cast<std::uint64_t>(*p - '0');
+      digits += mantissa != 0;
+    }
+    count += p - fraction;
+    const std::int64_t places = p - fraction;
+    exponent = places > 400 ? -400 : -static_cast<int>(places);
+  }
+  if (count == 0) return false;
+  if (p != end && (*p == 'e' || *p == 'E')) {
+    ++p;
+    const bool minus = p != end && *p == '-';
+    if (p != end && (*p == '-' || *p == '+')) ++p;
+    if (p == end || !is_digit(*p)) return false;
+    int e = 0;
+    for (; p != end && is_digit(*p); ++p) e = e < 100000 ? e * 10 + (*p - '0') : e;
+    exponent += minus ? -e : e;
+  }
+  if (digits <= 19 && mantissa <= (std::uint64_t{1} << 53) && exponent >= -22 && exponent <= 22) {
+    double d = static_cast<double>(mantissa);
+    d = exponent < 0 ? d / detail::kExactPowers[-exponent] : d * detail::kExactPowers[exponent];
+    const bool between = (std::bit_cast<std::uint64_t>(d) & 0x1fffffff) == 0x10000000;
+    if (!between && ((d >= 1.2e-38 && d <= 3.4e38) || mantissa == 0)) {
+      out = static_cast<float>(negative ? -d : d);
+      return true;
+    }
+  }
+  out = detail::float_from_chars(begin, p);
+  return true;
+}
+
+}  // namespace cloudrenderer

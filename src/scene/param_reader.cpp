@@ -1,0 +1,229 @@
+#include "scene/param_reader.h"
+
+#include <array>
+#include <span>
+
+namespace cloudrenderer {
+
+namespace {
+
+// More than any directive has; keeps a list of parameters from becoming a list of work.
+constexpr std::size_t kMostParams = 1000;
+constexpr std::size_t kMostSamples = 1000000;
+
+enum class Spelling : std::uint8_t { plain, xyz, blackbody, spectrum };
+
+struct TypeRow {
+  std::string_view word;
+  ParamType type;
+  Spelling spelling = Spelling::plain;
+  std::size_t components = 1;
+};
+
+constexpr std::array<TypeRow, 20> kTypes{{
+    {"float", ParamType::real},
+    {"integer", ParamType::integer},
+    {"bool", ParamType::boolean},
+    {"string", ParamType::string},
+    {"texture", ParamType::texture},
+    {"point", ParamType::point3, Spelling::plain, 3},
+    {"point3", ParamType::point3, Spelling::plain, 3},
+    {"point2", ParamType::point2, Spelling::plain, 2},
+    {"vector", ParamType::vector3, Spelling::plain, 3},
+    {"vector3", ParamType::vector3, Spelling::plain, 3},
+    {"vector2", ParamType::vector2, Spelling::plain, 2},
+    {"normal", ParamType::normal3, Spelling::plain, 3},
+    {"normal3", ParamType::normal3, Spelling::plain, 3},
+    {"rgb", ParamType::rgb, Spelling::plain, 3},
+    {"color", ParamType::rgb, Spelling::plain, 3},
+    {"xyz", ParamType::rgb, Spelling::xyz, 3},
+    {"blackbody", ParamType::rgb, Spelling::blackbody, 2},
+    {"spectrum", ParamType::rgb, Spelling::spectrum, 2},
+    {"int", ParamType::integer},
+    {"boolean", ParamType::boolean},
+}};
+
+std::string_view take_word(std::string_view& text) {
+  constexpr std::string_view kBlank = " \t\r\n";
+  const std::size_t first = text.find_first_not_of(kBlank);
+  if (first == std::string_view::npos) return text = {};
+  text.remove_prefix(first);
+  const std::string_view word = text.substr(0, text.find_first_of(kBlank));
+  text.remove_prefix(word.size());
+  return word;
+}
+
+const TypeRow& declared_type(std::string_view& rest, const FileLocation& where) {
+  const std::string_view word = take_word(rest);
+  for (const TypeRow& row : kTypes)
+    if (row.word == word) return row;
+  std::string known;
+  for (const TypeRow& row : kTypes) known += (known.empty() ? "" : ", ") + std::string(row.word);
+  throw SceneError(where, "expected a parameter as \"type name\", found \"" + std::string(word) + std::string(rest) +
+                              "\"; types are " + known);
+}
+
+BulkArray<float> from_colors(const std::vector<Rgb>& colors) {
+  std::vector<float> flat;
+  flat.reserve(colors.size() * 3);
+  for (const Rgb& c : colors) flat.insert(flat.end(), {c.x, c.y, c.z});
+  return BulkArray<float>(std::move(flat));
+}
+
+}  // namespace
+
+ParamSet ParamReader::read(Lexer& lexer, bool reads_files) {
+  ParamSet out;
+  while (lexer.peek().kind == Token::Kind::string) {
+    if (out.all().size() == kMostParams)
+      throw SceneError(lexer.location(lexer.peek()), "more than " + std::to_string(kMostParams) + " parameters");
+    out.add(read_one(lexer, reads_files));
+  }
+  return out;
+}
+
+Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
+  const Token declaration = lexer.next();
+  Param p;
+  p.location = lexer.location(declaration);
+  std::string_view rest = declaration.text;
+  const TypeRow& row = declared_type(rest, p.location);
+  p.type = row.type;
+  p.name = std::string(take_word(rest));
+  if (p.name.empty()) throw SceneError(p.location, "the parameter \"" + std::string(row.word) + "\" has no name");
+
+  if (row.type == ParamType::integer) {
+    p.integers = integers(lexer, p);
+  } else if (row.type == ParamType::boolean) {
+    p.integers = booleans(lexer);
+  } else if (row.type == ParamType::string || row.type == ParamType::texture) {
+    p.strings = strings(lexer);
+    if (row.type == ParamType::string && reads_files && is_file_parameter(p.name))
+      for (std::string& s : p.strings) s = paths_.find(s, *lexer.source().name());
+  } else if (row.spelling == Spelling::spectrum) {
+    p.reals = spectrum(lexer, p);
+  } else {
+    p.reals = whole(reals(lexer, row.type != ParamType::real), row.components, p);
+    std::vector<Rgb> colors;
+    const auto v = p.reals.view();
+    if (row.spelling == Spelling::xyz)
+      for (std::size_t i = 0; i < v.size(); i += 3)
+        colors.push_back(
+            xyz_to_rgb(static_cast<double>(v[i]), static_cast<double>(v[i + 1]), static_cast<double>(v[i + 2])));
+    if (row.spelling == Spelling::blackbody)
+      for (std::size_t i = 0; i < v.size(); i += 2)
+        colors.push_back(v[i + 1] * blackbody_to_rgb(static_cast<double>(v[i]), dialect_));
+    if (row.spelling != Spelling::plain) p.reals = from_colors(colors);
+  }
+  return p;
+}
+
+// Excess components are dropped with a warning, as in pbrt.
+BulkArray<float> ParamReader::whole(BulkArray<float> values, std::size_t components, const Param& p) {
+  const std::size_t excess = values.size() % components;
+  if (excess == 0) return values;
+  const std::size_t kept = values.size() - excess;
+  const std::string numbers = "parameter \"" + p.name + "\" has " + std::to_string(values.size()) +
+                              " numbers, which is no multiple of " + std::to_string(components);
+  if (kept == 0) throw SceneError(p.location, numbers);
+  warnings_.add(p.location, numbers + ": the last " + std::to_string(excess) + " ignored");
+  auto held = std::make_shared<const BulkArray<float>>(std::move(values));
+  const std::span<const float> view = held->view().first(kept);
+  return {std::move(held), view};
+}
+
+BulkArray<float> ParamReader::reals(Lexer& lexer, bool finite) {
+  const Token t = lexer.next();
+  if (t.kind == Token::Kind::open) return lexer.read_floats(finite);
+  if (t.kind != Token::Kind::number)
+    throw SceneError(lexer.location(t), "expected a number or '[', found " + Lexer::describe(t));
+  const float v = lexer.to_float(t);
+  if (finite && !std::isfinite(v)) throw SceneError(lexer.location(t), "the number is too large for a float");
+  return BulkArray<float>(std::vector<float>{v});
+}
+
+BulkArray<std::int32_t> ParamReader::integers(Lexer& lexer, const Param& p) {
+  const Token t = lexer.next();
+  std::uint64_t fractions = 0;
+  BulkArray<std::int32_t> out;
+  if (t.kind == Token::Kind::open) out = lexer.read_integers(fractions);
+  else if (t.kind == Token::Kind::number) out = BulkArray<std::int32_t>({lexer.to_integer(t, fractions)});
+  else throw SceneError(lexer.location(t), "expected a whole number or '[', found " + Lexer::describe(t));
+  if (fractions != 0)
+    warnings_.add(p.location, "parameter \"" + p.name + "\" of type integer has fractions: cut off");
+  return out;
+}
+
+BulkArray<std::int32_t> ParamReader::booleans(Lexer& lexer) {
+  std::vector<std::int32_t> out;
+  const auto value = [&](const Token& t) {
+    const bool word = t.kind == Token::Kind::word || t.kind == Token::Kind::string;
+    if (!word || (t.text != "true" && t.text != "false"))
+      throw SceneError(lexer.location(t), "expected true or false, found " + Lexer::describe(t));
+    out.push_back(t.text == "true");
+  };
+  Token t = lexer.next();
+  if (t.kind == Token::Kind::open)
+    for (t = lexer.next(); t.kind != Token::Kind::close; t = lexer.next()) value(t);
+  else
+    value(t);
+  return BulkArray<std::int32_t>(std::move(out));
+}
+
+std::vector<std::string> ParamReader::strings(Lexer& lexer) {
+  std::vector<std::string> out;
+  const auto value = [&](const Token& t) {
+    if (t.kind != Token::Kind::string)
+      throw SceneError(lexer.location(t), "expected a string in quotes, found " + Lexer::describe(t));
+    out.push_back(Lexer::unescape(t.text));
+  };
+  Token t = lexer.next();
+  if (t.kind == Token::Kind::open)
+    for (t = lexer.next(); t.kind != Token::Kind::close; t = lexer.next()) value(t);
+  else
+    value(t);
+  return out;
+}
+
+BulkArray<float> ParamReader::spectrum(Lexer& lexer, const Param& p) {
+  std::vector<Token> tokens;
+  Token t = lexer.next();
+  if (t.kind == Token::Kind::open)
+    for (t = lexer.next(); t.kind != Token::Kind::close; t = lexer.next()) {
+      if (t.kind != Token::Kind::number && t.kind != Token::Kind::string)
+        throw SceneError(lexer.location(t),
+                         "expected wavelengths and values, or the name of a .spd file, found " + Lexer::describe(t));
+      if (tokens.size() == kMostSamples) throw SceneError(lexer.location(t), "the spectrum has too many samples");
+      tokens.push_back(t);
+    }
+  else
+    tokens.push_back(t);
+
+  if (!tokens.empty() && tokens.front().kind == Token::Kind::string) {
+    std::vector<Rgb> colors;
+    for (const Token& name : tokens) {
+      if (name.kind != Token::Kind::string)
+        throw SceneError(lexer.location(name), "expected the name of a .spd file, found " + Lexer::describe(name));
+      const std::string path = paths_.find(Lexer::unescape(name.text), *lexer.source().name());
+      auto known = spd_files_.find(path);
+      if (known == spd_files_.end())
+        known = spd_files_.emplace(path, spectrum_to_rgb(read_spd(path, lexer.location(name)), dialect_)).first;
+      colors.push_back(known->second);
+    }
+    return from_colors(colors);
+  }
+  SampledSpectrum s;
+  for (std::size_t i = 0; i + 1 < tokens.size(); i += 2) {
+    s.wavelengths.push_back(static_cast<double>(lexer.to_float(tokens[i])));
+    s.values.push_back(static_cast<double>(lexer.to_float(tokens[i + 1])));
+    if (!std::isfinite(s.wavelengths.back()) || !std::isfinite(s.values.back()))
+      throw SceneError(lexer.location(tokens[i]), "the number is too large for a float");
+  }
+  if (s.values.empty())
+    throw SceneError(p.location, "parameter \"" + p.name + "\" needs pairs of wavelength and value, or a .spd file");
+  if (tokens.size() % 2 != 0)
+    warnings_.add(p.location, "the last wavelength of \"" + p.name + "\" has no value: ignored");
+  return from_colors({spectrum_to_rgb(std::move(s), dialect_)});
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,266 @@
+#include "scene/parser.h"
+
+#include <algorithm>
+
+#include "scene/dialect.h"
+
+namespace cloudrenderer {
+
+namespace {
+// Deeper nesting than any scene has; bounds what a broken file can make us hold.
+constexpr std::size_t kDeepestNesting = 20000;
+constexpr std::size_t kDeepestInclude = 100;
+}  // namespace
+
+const std::map<std::string_view, Parser::Handler>& Parser::handlers() {
+  static const std::map<std::string_view, Handler> table{
+      {"Accelerator", &Parser::accelerator},
+      {"ActiveTransform", &Parser::active_transform},
+      {"AreaLightSource", &Parser::area_light_source},
+      {"AttributeBegin", &Parser::attribute_begin},
+      {"AttributeEnd", &Parser::attribute_end},
+      {"Camera", &Parser::camera},
+      {"ConcatTransform", &Parser::concat_transform},
+      {"CoordSysTransform", &Parser::coord_sys_transform},
+      {"CoordinateSystem", &Parser::coordinate_system},
+      {"Film", &Parser::film},
+      {"Identity", &Parser::identity},
+      {"Include", &Parser::include},
+      {"Integrator", &Parser::integrator},
+      {"LightSource", &Parser::light_source},
+      {"LookAt", &Parser::look_at_directive},
+      {"MakeNamedMaterial", &Parser::make_named_material},
+      {"MakeNamedMedium", &Parser::make_named_medium},
+      {"Material", &Parser::material},
+      {"MediumInterface", &Parser::medium_interface},
+      {"NamedMaterial", &Parser::named_material},
+      {"ObjectBegin", &Parser::object_begin},
+      {"ObjectEnd", &Parser::object_end},
+      {"ObjectInstance", &Parser::object_instance},
+      {"PixelFilter", &Parser::pixel_filter},
+      {"Renderer", &Parser::renderer},
+      {"ReverseOrientation", &Parser::reverse_orientation},
+      {"Rotate", &Parser::rotate_directive},
+      {"Sampler", &Parser::sampler},
+      {"Scale", &Parser::scale_directive},
+      {"Shape", &Parser::shape},
+      {"SurfaceIntegrator", &Parser::integrator},
+      {"Texture", &Parser::texture},
+      {"Transform", &Parser::transform},
+      {"TransformBegin", &Parser::transform_begin},
+      {"TransformEnd", &Parser::transform_end},
+      {"TransformTimes", &Parser::transform_times},
+      {"Translate", &Parser::translate_directive},
+      {"Volume", &Parser::volume},
+      {"VolumeIntegrator", &Parser::volume_integrator},
+      {"WorldBegin", &Parser::world_begin},
+      {"WorldEnd", &Parser::world_end},
+  };
+  return table;
+}
+
+Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings)
+    : paths_(path),
+      sink_(sink),
+      warnings_(warnings),
+      builder_(dialect, path, warnings),
+      params_(dialect, paths_, warnings) {
+  open_file(path, {});
+}
+
+SceneDescription Parser::parse() {
+  while (!files_.empty() && block_ != Block::done) {
+    const Token t = lexer().next();
+    if (t.kind == Token::Kind::end) {
+      if (files_.size() == 1) {
+        if (block_ == Block::options) throw SceneError(location(t), "the scene has no WorldBegin");
+        warnings_.add(location(t), "the file ends without WorldEnd");
+        world_end(t);
+        break;
+      }
+      files_.pop_back();
+      continue;
+    }
+    const auto handler = t.kind == Token::Kind::word ? handlers().find(t.text) : handlers().end();
+    if (handler == handlers().end()) {
+      const char* what = t.kind == Token::Kind::word ? "unknown directive " : "expected a directive, found ";
+      throw SceneError(location(t), what + Lexer::describe(t));
+    }
+    (this->*handler->second)(t);
+  }
+  return std::move(builder_.scene());
+}
+
+void Parser::open_file(const std::string& path, const FileLocation& named_at) {
+  auto text = SourceText::open(path);
+  if (!text) throw SceneError(named_at, text.error());
+  files_.push_back({canonical_file(path), Lexer(*text)});
+}
+
+void Parser::include(const Token& t) {
+  const FileLocation where = location(t);
+  const std::string path = paths_.find(read_string("the name of a file"), *lexer().source().name());
+  const std::string same = canonical_file(path);
+  if (std::any_of(files_.begin(), files_.end(), [&](const OpenFile& f) { return f.path == same; }))
+    throw SceneError(where, "'" + path + "' includes itself");
+  if (files_.size() >= kDeepestInclude)
+    throw SceneError(where, "more than " + std::to_string(kDeepestInclude) + " files include each other");
+  open_file(path, where);
+}
+
+void Parser::world_begin(const Token& t) {
+  if (block_ == Block::world) {
+    warnings_.add(location(t), "WorldBegin inside of the world: ignored");
+    return;
+  }
+  block_ = Block::world;
+  ctm_ = DMat4(1.0);
+  transforms_active_ = true;
+  coordinate_systems_["world"] = ctm_;
+}
+
+void Parser::world_end(const Token& t) {
+  if (block_ != Block::world) throw SceneError(location(t), "WorldEnd without WorldBegin");
+  if (open_object_) {
+    warnings_.add(location(t), "ObjectEnd is missing");
+    close_object();
+  }
+  if (!saved_states_.empty()) warnings_.add(location(t), "AttributeEnd is missing");
+  else if (!saved_transforms_.empty()) warnings_.add(location(t), "TransformEnd is missing");
+  block_ = Block::done;
+  // pbrt renders here and may go on with another world.
+  try {
+    if (files_.size() == 1 && lexer().peek().kind != Token::Kind::end)
+      warnings_.add(location(lexer().peek()), "only the first world of a file is rendered: the rest is ignored");
+  } catch (const SceneError& e) {
+    warnings_.add({}, e.what());
+  }
+}
+
+void Parser::attribute_begin(const Token& t) {
+  if (!in_world(t)) return;
+  if (saved_transforms_.size() >= kDeepestNesting) throw SceneError(location(t), "blocks are nested too deep");
+  saved_states_.push_back(state_);
+  saved_transforms_.push_back({ctm_, transforms_active_});
+}
+
+void Parser::attribute_end(const Token& t) {
+  if (!in_world(t)) return;
+  if (saved_states_.empty() || saved_transforms_.empty())
+    throw SceneError(location(t), std::string(t.text) + " without AttributeBegin");
+  state_ = std::move(saved_states_.back());
+  saved_states_.pop_back();
+  ctm_ = saved_transforms_.back().ctm;
+  transforms_active_ = saved_transforms_.back().transforms_active;
+  saved_transforms_.pop_back();
+}
+
+void Parser::transform_begin(const Token& t) {
+  if (!in_world(t)) return;
+  if (saved_transforms_.size() >= kDeepestNesting) throw SceneError(location(t), "blocks are nested too deep");
+  saved_transforms_.push_back({ctm_, transforms_active_});
+}
+
+void Parser::transform_end(const Token& t) {
+  if (!in_world(t)) return;
+  if (saved_transforms_.empty()) throw SceneError(location(t), "TransformEnd without TransformBegin");
+  ctm_ = saved_transforms_.back().ctm;
+  transforms_active_ = saved_transforms_.back().transforms_active;
+  saved_transforms_.pop_back();
+}
+
+// As in pbrt, an object block is an attribute block too, on the same stack.
+void Parser::object_begin(const Token& t) {
+  const FileLocation where = location(t);
+  const std::string name = read_string("the name of an object");
+  if (!in_world(t)) return;
+  attribute_begin(t);
+  if (open_object_) {
+    warnings_.add(where, "ObjectBegin inside of an object: that object ends here");
+    close_object();
+  }
+  if (objects_.count(name)) warnings_.add(where, "the object \"" + name + "\" is defined again");
+  open_object_ = ObjectId(object_count_++);
+  objects_[name] = open_object_;
+  sink_.begin_object(open_object_, name);
+}
+
+void Parser::close_object() {
+  sink_.end_object(open_object_);
+  open_object_ = {};
+}
+
+void Parser::object_end(const Token& t) {
+  if (!in_world(t)) return;
+  if (!open_object_) {
+    // What is left of an ObjectBegin that came inside of an object.
+    if (saved_states_.empty()) throw SceneError(location(t), "ObjectEnd without ObjectBegin");
+    warnings_.add(location(t), "ObjectEnd without ObjectBegin");
+  } else {
+    close_object();
+  }
+  attribute_end(t);
+}
+
+void Parser::object_instance(const Token& t) {
+  InstanceDesc instance;
+  instance.location = location(t);
+  const std::string name = read_string("the name of an object");
+  if (!in_world(t)) return;
+  if (open_object_) {
+    builder_.warn_once(instance.location, "ObjectInstance inside of an object, which pbrt does not allow: ignored");
+    return;
+  }
+  const auto found = objects_.find(name);
+  if (found == objects_.end()) {
+    builder_.warn_once(instance.location, "there is no object \"" + name + "\": its instances are ignored");
+    return;
+  }
+  instance.object = found->second;
+  instance.instance_to_world = to_transform(ctm_);
+  if (!instance.instance_to_world.is_invertible()) {
+    builder_.warn_once(instance.location, "the transformation of the instance cannot be inverted: ignored");
+    return;
+  }
+  sink_.instance(instance, builder_.scene());
+}
+
+bool Parser::in_world(const Token& t) {
+  if (block_ == Block::world) return true;
+  builder_.warn_once(location(t), std::string(t.text) + " before WorldBegin: ignored");
+  return false;
+}
+
+bool Parser::in_options(const Token& t) {
+  if (block_ == Block::options) return true;
+  builder_.warn_once(location(t), std::string(t.text) + " after WorldBegin: ignored");
+  return false;
+}
+
+std::string Parser::read_string(const char* what) {
+  Token t = lexer().next();
+  const bool bracketed = t.kind == Token::Kind::open;
+  if (bracketed) t = lexer().next();
+  if (t.kind != Token::Kind::string)
+    throw SceneError(location(t), std::string("expected ") + what + " in quotes, found " + Lexer::describe(t));
+  if (bracketed)
+    if (const Token close = lexer().next(); close.kind != Token::Kind::close)
+      throw SceneError(location(close), "expected ']', found " + Lexer::describe(close));
+  return Lexer::unescape(t.text);
+}
+
+Entity Parser::read_entity(const Token& directive, bool reads_files) {
+  Entity e;
+  e.location = location(directive);
+  e.type = read_string("a type");
+  e.params = params_.read(lexer(), reads_files);
+  return e;
+}
+
+SceneDescription parse_scene(const std::string& path, const ParseOptions& options, SceneSink& sink,
+                             Warnings& warnings) {
+  const Dialect dialect = options.dialect ? *options.dialect : detect_dialect(path);
+  return Parser(path, dialect, sink, warnings).parse();
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,117 @@
+#pragma once
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "scene/description.h"
+#include "scene/file_paths.h"
+#include "scene/graphics_state.h"
+#include "scene/lexer.h"
+#include "scene/param_reader.h"
+#include "scene/scene_builder.h"
+
+namespace cloudrenderer {
+
+// Reads the directives of a scene file and its includes in order, keeps the graphics state, and hands on what they
+// describe: geometry to the sink, everything else to the SceneBuilder. One use.
+class Parser {
+ public:
+  Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings);
+  SceneDescription parse();
+
+ private:
+  using Handler = void (Parser::*)(const Token&);
+  static const std::map<std::string_view, Handler>& handlers();
+
+  // parser.cpp: files, state and blocks
+  void open_file(const std::string& path, const FileLocation& named_at);
+  void include(const Token& t);
+  void world_begin(const Token& t);
+  void world_end(const Token& t);
+  void attribute_begin(const Token& t);
+  void attribute_end(const Token& t);
+  void transform_begin(const Token& t);
+  void transform_end(const Token& t);
+  void object_begin(const Token& t);
+  void object_end(const Token& t);
+  void object_instance(const Token& t);
+  void close_object();
+
+  // parser_directives.cpp: what has parameters
+  void camera(const Token& t);
+  void film(const Token& t);
+  void sampler(const Token& t);
+  void pixel_filter(const Token& t);
+  void integrator(const Token& t);
+  void renderer(const Token& t);
+  void volume_integrator(const Token& t);
+  void accelerator(const Token& t);
+  void light_source(const Token& t);
+  void area_light_source(const Token& t);
+  void material(const Token& t);
+  void make_named_material(const Token& t);
+  void named_material(const Token& t);
+  void texture(const Token& t);
+  void shape(const Token& t);
+  void make_named_medium(const Token& t);
+  void medium_interface(const Token& t);
+  void volume(const Token& t);
+  void reverse_orientation(const Token& t);
+
+  // parser_transforms.cpp
+  void identity(const Token& t);
+  void look_at_directive(const Token& t);
+  void scale_directive(const Token& t);
+  void rotate_directive(const Token& t);
+  void translate_directive(const Token& t);
+  void transform(const Token& t);
+  void concat_transform(const Token& t);
+  void coordinate_system(const Token& t);
+  void coord_sys_transform(const Token& t);
+  void active_transform(const Token& t);
+  void transform_times(const Token& t);
+  void apply(const Token& t, const DMat4& m, bool replaces);
+
+  Lexer& lexer() { return files_.back().lexer; }
+  FileLocation location(const Token& t) { return lexer().location(t); }
+  std::string read_string(const char* what);
+  double read_number(const Token& directive);
+  DVec3 read_vector(const Token& directive);
+  DMat4 read_matrix(const Token& directive);
+  Entity read_entity(const Token& directive, bool reads_files = true);
+  Entity read_option(const Token& directive, bool reads_files);
+  // Whether the directive is where pbrt wants it: inside or outside of the world; else warns, and it is ignored.
+  bool in_world(const Token& t);
+  bool in_options(const Token& t);
+
+  struct OpenFile {
+    std::string path;  // without links, to see an endless include
+    Lexer lexer;
+  };
+  struct SavedTransform {
+    DMat4 ctm;
+    bool transforms_active;
+  };
+
+  FilePaths paths_;
+  SceneSink& sink_;
+  Warnings& warnings_;
+  SceneBuilder builder_;
+  ParamReader params_;
+  std::vector<OpenFile> files_;
+
+  enum class Block { options, world, done };
+  Block block_ = Block::options;
+  DMat4 ctm_{1.0};
+  bool transforms_active_ = true;  // false between `ActiveTransform EndTime` and the next one
+  GraphicsState state_;
+  std::vector<GraphicsState> saved_states_;
+  std::vector<SavedTransform> saved_transforms_;
+  std::map<std::string, DMat4> coordinate_systems_;
+  std::map<std::string, ObjectId> objects_;
+  std::uint32_t object_count_ = 0;
+  ObjectId open_object_;
+};
+
+}  // namespace cloudrenderer

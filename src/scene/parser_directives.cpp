@@ -1,0 +1,152 @@
+// The directives that describe something with parameters.
+#include "scene/parser.h"
+
+namespace cloudrenderer {
+
+// Before the world there are no textures to refer to: such parameters go, with a warning.
+Entity Parser::read_option(const Token& t, bool reads_files) {
+  Entity e = read_entity(t, reads_files);
+  e.params = builder_.resolve_textures(GraphicsState{}, e, std::nullopt);
+  return e;
+}
+
+void Parser::camera(const Token& t) {
+  CameraDesc camera;
+  static_cast<Entity&>(camera) = read_option(t, true);
+  if (!in_options(t)) return;
+  camera.world_to_camera = to_transform(ctm_);
+  if (!camera.world_to_camera.is_invertible())
+    throw SceneError(camera.location, "the transformation of the camera cannot be inverted");
+  coordinate_systems_["camera"] = glm::inverse(ctm_);
+  builder_.scene().camera = std::move(camera);
+}
+
+void Parser::film(const Token& t) {
+  Entity e = read_option(t, false);
+  if (in_options(t)) builder_.scene().film = std::move(e);
+}
+
+void Parser::sampler(const Token& t) {
+  Entity e = read_option(t, true);
+  if (in_options(t)) builder_.scene().sampler = std::move(e);
+}
+
+void Parser::pixel_filter(const Token& t) {
+  Entity e = read_option(t, true);
+  if (in_options(t)) builder_.scene().filter = std::move(e);
+}
+
+void Parser::integrator(const Token& t) {
+  Entity e = read_option(t, true);
+  if (in_options(t)) builder_.scene().integrator = std::move(e);
+}
+
+void Parser::renderer(const Token& t) {
+  Entity e = read_option(t, false);
+  if (in_options(t)) builder_.scene().renderer = std::move(e);
+}
+
+void Parser::volume_integrator(const Token& t) {
+  Entity e = read_option(t, true);
+  if (in_options(t)) builder_.scene().volume_integrator = std::move(e);
+}
+
+void Parser::accelerator(const Token& t) {
+  read_entity(t);  // Embree is the accelerator
+  in_options(t);
+}
+
+void Parser::light_source(const Token& t) {
+  Entity e = read_entity(t);
+  if (in_world(t)) builder_.add_light(state_, std::move(e), ctm_);
+}
+
+void Parser::area_light_source(const Token& t) {
+  Entity e = read_entity(t);
+  if (!in_world(t)) return;
+  e.params = builder_.resolve_textures(state_, e, std::nullopt);
+  state_.area_light = std::make_shared<AreaLightSource>();
+  state_.area_light->entity = std::move(e);
+}
+
+void Parser::material(const Token& t) {
+  Entity e = read_entity(t);
+  if (!in_world(t)) return;
+  state_.material = builder_.make_material(state_, std::move(e), ctm_, false);
+  state_.material_name.clear();
+}
+
+void Parser::make_named_material(const Token& t) {
+  Entity e = read_entity(t);  // the "type" read here is the name
+  if (!in_world(t)) return;
+  const std::string name = e.type;
+  if (!e.params.has("type")) warnings_.add(e.location, "MakeNamedMaterial without \"string type\": matte is used");
+  e.type = e.params.string("type", "matte");
+  ParamSet others;
+  for (const Param& p : e.params.all())
+    if (p.name != "type") others.add(p);
+  e.params = std::move(others);
+  state_.named_materials.set(name, builder_.make_material(state_, std::move(e), ctm_, true));
+}
+
+void Parser::named_material(const Token& t) {
+  const FileLocation where = location(t);
+  const std::string name = read_string("the name of a material");
+  if (!in_world(t)) return;
+  if (builder_.scene().dialect == Dialect::v2) {
+    state_.material_name = name;
+  } else if (const auto* found = state_.named_materials.find(name)) {
+    state_.material = *found;
+  } else {
+    warnings_.add(where, "there is no material \"" + name + "\": the one before it is used");
+  }
+}
+
+void Parser::texture(const Token& t) {
+  const std::string name = read_string("the name of a texture");
+  const Token kind = lexer().peek();
+  const std::string type = read_string("float or spectrum");
+  Entity e = read_entity(t);
+  if (!in_world(t)) return;
+  if (type != "float" && type != "spectrum" && type != "color")
+    throw SceneError(location(kind), "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"");
+  builder_.add_texture(state_, name, type == "float", std::move(e), ctm_);
+}
+
+void Parser::shape(const Token& t) {
+  ShapeDesc shape;
+  static_cast<Entity&>(shape) = read_entity(t);
+  if (!in_world(t)) return;
+  shape.object_to_world = to_transform(ctm_);
+  if (!shape.object_to_world.is_invertible()) {
+    builder_.warn_once(shape.location, "the transformation of the shape cannot be inverted: ignored");
+    return;
+  }
+  shape.reverse_orientation = state_.reverse_orientation;
+  shape.object = open_object_;
+  builder_.finish_shape(state_, shape);
+  sink_.shape(std::move(shape), builder_.scene());
+}
+
+void Parser::make_named_medium(const Token& t) {
+  const Entity e = read_entity(t);
+  builder_.warn_once(e.location, "participating media are not supported: ignored");
+}
+
+void Parser::medium_interface(const Token& t) {
+  const FileLocation where = location(t);
+  read_string("the name of a medium");
+  if (lexer().peek().kind == Token::Kind::string) lexer().next();  // one name stands for both sides
+  builder_.warn_once(where, "participating media are not supported: ignored");
+}
+
+void Parser::volume(const Token& t) {
+  const Entity e = read_entity(t);
+  builder_.warn_once(e.location, "participating media are not supported: ignored");
+}
+
+void Parser::reverse_orientation(const Token& t) {
+  if (in_world(t)) state_.reverse_orientation = !state_.reverse_orientation;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,237 @@
+#include "scene/scene_builder.h"
+
+#include <algorithm>
+#include <array>
+#include <span>
+
+namespace cloudrenderer {
+
+namespace {
+
+bool contains(std::span<const std::string_view> words, std::string_view word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+// Every material that pbrt-v2 or pbrt-v3 knows.
+constexpr auto kMaterials = std::to_array<std::string_view>(
+    {"matte", "plastic", "glass", "uber", "metal", "mirror", "substrate", "translucent", "mix", "none", "", "fourier",
+     "measured", "shinymetal", "kdsubsurface", "subsurface", "disney", "hair"});
+
+// Parameters that materials have and a shape may override. "filename" and "alpha" mean other things on shapes.
+constexpr auto kMaterialParams = std::to_array<std::string_view>(
+    {"Kd", "Ks", "Kr", "Kt", "sigma", "roughness", "uroughness", "vroughness", "remaproughness", "bumpmap", "index",
+     "eta", "k", "opacity", "reflect", "transmit", "amount", "bsdffile", "sigma_a", "sigma_s", "sigma_prime_s", "g",
+     "meanfreepath", "mfp", "color", "metallic", "speculartint", "anisotropic", "sheen", "sheentint", "clearcoat",
+     "clearcoatgloss", "spectrans", "scatterdistance", "thin", "flatness", "difftrans", "eumelanin", "pheomelanin",
+     "beta_m", "beta_n"});
+
+// Parameters that want a float texture where a float and a spectrum texture have the same name.
+constexpr auto kFloatTextureParams = std::to_array<std::string_view>(
+    {"roughness", "uroughness", "vroughness", "sigma", "bumpmap", "index", "alpha", "shadowalpha", "displacement", "g",
+     "metallic", "anisotropic", "sheen", "clearcoat", "speculartint", "sheentint", "clearcoatgloss", "spectrans"});
+
+void append_bytes(std::string& key, const void* data, std::size_t bytes) {
+  const auto n = static_cast<std::uint64_t>(bytes);
+  key.append(reinterpret_cast<const char*>(&n), sizeof n);
+  key.append(static_cast<const char*>(data), bytes);
+}
+
+// All that distinguishes one material from another, as bytes.
+std::string material_key(const std::string& type, const ParamSet& params) {
+  std::string key;
+  append_bytes(key, type.data(), type.size());
+  for (const Param& p : params.all()) {
+    key += static_cast<char>(p.type);
+    append_bytes(key, p.name.data(), p.name.size());
+    append_bytes(key, p.reals.view().data(), p.reals.view().size_bytes());
+    append_bytes(key, p.integers.view().data(), p.integers.view().size_bytes());
+    for (const std::string& s : p.strings) append_bytes(key, s.data(), s.size());
+  }
+  return key;
+}
+
+bool has_textures(const ParamSet& params) {
+  return std::any_of(params.all().begin(), params.all().end(),
+                     [](const Param& p) { return p.type == ParamType::texture; });
+}
+
+Entity entity_of(std::string type) {
+  Entity e;
+  e.type = std::move(type);
+  return e;
+}
+
+}  // namespace
+
+SceneBuilder::SceneBuilder(Dialect dialect, std::string source, Warnings& warnings) : warnings_(warnings) {
+  const bool v2 = dialect == Dialect::v2;
+  scene_.dialect = dialect;
+  scene_.source = std::move(source);
+  scene_.camera.type = "perspective";
+  scene_.film = entity_of("image");
+  scene_.sampler = entity_of(v2 ? "lowdiscrepancy" : "halton");
+  scene_.filter = entity_of("box");
+  scene_.integrator = entity_of(v2 ? "directlighting" : "path");
+  default_material_ = std::make_shared<MaterialSource>();
+  default_material_->entity = entity_of("matte");
+  default_material_->textures_resolved = !v2;
+}
+
+void SceneBuilder::warn_once(const FileLocation& where, const std::string& message) {
+  if (warned_.insert(message).second) warnings_.add(where, message);
+}
+
+ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity& entity,
+                                        std::optional<bool> is_float) {
+  if (!has_textures(entity.params)) return entity.params;
+  ParamSet out;
+  for (const Param& given : entity.params.all()) {
+    if (given.type != ParamType::texture) {
+      out.add(given);
+      continue;
+    }
+    Param p = given;
+    if (p.strings.size() != 1)
+      throw SceneError(p.location, "the texture parameter \"" + p.name + "\" must name one texture");
+    const std::string* as_float = state.float_textures.find(p.strings[0]);
+    const std::string* as_spectrum = state.spectrum_textures.find(p.strings[0]);
+    // "amount" of a mix texture is always a float; "eta" is a spectrum for metal only.
+    const bool wants_float = is_float ? *is_float || p.name == "amount"
+                                      : contains(kFloatTextureParams, p.name) ||
+                                            (p.name == "eta" && entity.type != "metal");
+    const std::string* found = wants_float ? (as_float ? as_float : as_spectrum) : (as_spectrum ? as_spectrum : as_float);
+    if (!found) {
+      warn_once(p.location, "there is no texture \"" + p.strings[0] + "\": the parameter \"" + p.name +
+                                "\" is ignored");
+      continue;
+    }
+    p.strings[0] = *found;
+    out.add(std::move(p));
+  }
+  return out;
+}
+
+void SceneBuilder::add_texture(GraphicsState& state, const std::string& name, bool is_float, Entity entity,
+                               const DMat4& ctm) {
+  TextureDesc texture;
+  entity.params = resolve_textures(state, entity, is_float);
+  static_cast<Entity&>(texture) = std::move(entity);
+  texture.is_float = is_float;
+  texture.texture_to_world = to_transform(ctm);
+  texture.name = name;
+  while (!texture_names_.insert(texture.name).second)
+    texture.name = name + "#" + std::to_string(++texture_counters_[name] + 1);
+  (is_float ? state.float_textures : state.spectrum_textures).set(name, texture.name);
+  scene_.textures.push_back(std::move(texture));
+}
+
+void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DMat4& ctm) {
+  LightDesc light;
+  entity.params = resolve_textures(state, entity, std::nullopt);
+  static_cast<Entity&>(light) = std::move(entity);
+  light.light_to_world = to_transform(ctm);
+  if (!light.light_to_world.is_invertible())
+    throw SceneError(light.location, "the transformation of the light cannot be inverted");
+  scene_.lights.push_back(std::move(light));
+}
+
+std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState& state, Entity entity,
+                                                            const DMat4& ctm, bool is_named) {
+  auto source = std::make_shared<MaterialSource>();
+  if (!contains(kMaterials, entity.type)) {
+    warnings_.add(entity.location, "the material \"" + entity.type + "\" is unknown: matte is used");
+    entity.type = "matte";
+  }
+  if (entity.type.empty()) entity.type = "none";
+  if (entity.type == "mix") {
+    for (const char* name : {"namedmaterial1", "namedmaterial2"}) {
+      const std::string mixed = entity.params.string(name, "");
+      const auto* found = state.named_materials.find(mixed);
+      if (!found)
+        warnings_.add(entity.location,
+                      "there is no material \"" + mixed + "\" for \"" + name + "\": matte is mixed");
+      const MaterialId id = intern(state, found ? **found : *default_material_, {});
+      Param p;
+      p.type = ParamType::string;
+      p.name = name;
+      p.location = entity.location;
+      p.strings = {std::to_string(id.value)};
+      entity.params.add(std::move(p));
+    }
+  }
+  if (is_named || scene_.dialect == Dialect::v3) {
+    entity.params = resolve_textures(state, entity, std::nullopt);
+    source->textures_resolved = true;
+  }
+  source->entity = std::move(entity);
+  source->object_to_world = to_transform(ctm);
+  return source;
+}
+
+MaterialId SceneBuilder::intern(const GraphicsState& state, MaterialSource& source, const ParamSet& overrides) {
+  const bool as_it_is = overrides.empty() && (source.textures_resolved || !has_textures(source.entity.params));
+  if (as_it_is && source.id) return source.id;
+
+  MaterialDesc material;
+  static_cast<Entity&>(material) = source.entity;
+  material.object_to_world = source.object_to_world;
+  for (const Param& p : overrides.all()) material.params.add(p);
+  if (!source.textures_resolved) material.params = resolve_textures(state, material, std::nullopt);
+  const auto [it, is_new] = material_ids_.try_emplace(material_key(material.type, material.params),
+                                                      MaterialId(static_cast<std::uint32_t>(scene_.materials.size())));
+  if (is_new) {
+    for (const Param& p : material.params.all()) p.used = false;
+    scene_.materials.push_back(std::move(material));
+  }
+  if (as_it_is) source.id = it->second;
+  return it->second;
+}
+
+MaterialId SceneBuilder::material_of(const GraphicsState& state, const ShapeDesc& shape) {
+  MaterialSource* source = state.material ? state.material.get() : default_material_.get();
+  bool named = false;
+  if (!state.material_name.empty()) {
+    if (const auto* found = state.named_materials.find(state.material_name)) {
+      source = found->get();
+      named = true;
+    } else {
+      warn_once(shape.location, "there is no material \"" + state.material_name + "\": the one before it is used");
+    }
+  }
+  // In v2 a named material is made where it is named, out of reach of the shape's parameters.
+  if (named && scene_.dialect == Dialect::v2) return intern(state, *source, {});
+
+  ParamSet overrides;
+  for (const Param& p : shape.params.all()) {
+    if (!contains(kMaterialParams, p.name)) continue;
+    p.used = true;
+    const Param* own = source->entity.params.find(p.name);
+    // pbrt-v2 asks for textures first, the shape's and the material's, and only then for values.
+    const bool hidden = scene_.dialect == Dialect::v2 && own && own->type == ParamType::texture &&
+                        p.type != ParamType::texture;
+    if (!hidden) overrides.add(p);
+  }
+  return intern(state, *source, overrides);
+}
+
+void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
+  // v2 looks the material's textures up in this scope together with the shape's, so they keep their names till then.
+  if (scene_.dialect == Dialect::v3) shape.params = resolve_textures(state, shape, std::nullopt);
+  shape.material = material_of(state, shape);
+  if (scene_.dialect == Dialect::v2) shape.params = resolve_textures(state, shape, std::nullopt);
+
+  if (state.area_light) {
+    if (shape.object) {
+      warn_once(shape.location, "area lights inside of objects do not shine: ignored");
+    } else {
+      AreaLightSource& light = *state.area_light;
+      if (!light.id) {
+        light.id = AreaLightId(static_cast<std::uint32_t>(scene_.area_lights.size()));
+        scene_.area_lights.push_back(light.entity);
+      }
+      shape.area_light = light.id;
+    }
+  }
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,100 @@
+#include "scene/spectrum.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "base/portable_math.h"
+#include "scene/cie1931.h"
+#include "scene/lexer.h"
+
+namespace cloudrenderer {
+
+namespace {
+
+// pbrt-v3's value of the integral of the CIE's y, kept to its digits.
+constexpr double kCieYIntegral = 106.856895;
+
+void sort_by_wavelength(SampledSpectrum& s) {
+  if (std::is_sorted(s.wavelengths.begin(), s.wavelengths.end())) return;
+  std::vector<std::size_t> order(s.wavelengths.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return s.wavelengths[a] < s.wavelengths[b]; });
+  SampledSpectrum sorted;
+  for (const std::size_t i : order) {
+    sorted.wavelengths.push_back(s.wavelengths[i]);
+    sorted.values.push_back(s.values[i]);
+  }
+  s = std::move(sorted);
+}
+
+double value_at(const SampledSpectrum& s, double wavelength) {
+  if (wavelength <= s.wavelengths.front()) return s.values.front();
+  if (wavelength >= s.wavelengths.back()) return s.values.back();
+  const auto above = std::upper_bound(s.wavelengths.begin(), s.wavelengths.end(), wavelength);
+  const auto i = static_cast<std::size_t>(above - s.wavelengths.begin());
+  const double t = (wavelength - s.wavelengths[i - 1]) / (s.wavelengths[i] - s.wavelengths[i - 1]);
+  return s.values[i - 1] * (1 - t) + s.values[i] * t;
+}
+
+// Applies the observer to value(wavelength).
+template <class F>
+Rgb observe(F value, Dialect dialect) {
+  double xyz[3] = {0, 0, 0}, y_sum = 0;
+  for (std::size_t i = 0; i < kCie1931.size(); ++i) {
+    const double v = value(static_cast<double>(kCieFirst) + static_cast<double>(i));
+    for (std::size_t c = 0; c < 3; ++c) xyz[c] += v * kCie1931[i][c];
+    y_sum += kCie1931[i][1];
+  }
+  const double scale = dialect == Dialect::v2 ? 1 / y_sum : (kCieSamples - 1) / (kCieYIntegral * kCieSamples);
+  return xyz_to_rgb(xyz[0] * scale, xyz[1] * scale, xyz[2] * scale);
+}
+
+}  // namespace
+
+Rgb xyz_to_rgb(double x, double y, double z) {
+  return {static_cast<float>(3.240479 * x - 1.537150 * y - 0.498535 * z),
+          static_cast<float>(-0.969256 * x + 1.875991 * y + 0.041556 * z),
+          static_cast<float>(0.055648 * x - 0.204043 * y + 1.057311 * z)};
+}
+
+Rgb spectrum_to_rgb(SampledSpectrum spectrum, Dialect dialect) {
+  if (spectrum.wavelengths.empty()) return Rgb(0.f);
+  sort_by_wavelength(spectrum);
+  return observe([&](double wavelength) { return value_at(spectrum, wavelength); }, dialect);
+}
+
+Rgb blackbody_to_rgb(double kelvin, Dialect dialect) {
+  if (!(kelvin > 0)) return Rgb(0.f);
+  kelvin = std::min(kelvin, 1e9);  // beyond that exp(x) - 1 loses its digits
+  // hc/k in nm K: pbrt-v2's rounded value, and from the 2010 CODATA constants that v3 names.
+  const double c2 = dialect == Dialect::v2 ? 1.4388e7 : 6.62606957e-34 * 299792458 / 1.3806488e-23 * 1e9;
+  const double reference = dialect == Dialect::v2 ? 555.0 : 2.8977721e-3 / kelvin * 1e9;
+  const auto planck = [&](double wavelength) {
+    const double w = wavelength / 555.0;
+    return 1 / (w * w * w * w * w * (portable::exp(c2 / (wavelength * kelvin)) - 1));
+  };
+  const double norm = planck(reference);
+  if (!(norm > 0)) return Rgb(0.f);  // colder than anything that glows
+  return observe([&](double wavelength) { return planck(wavelength) / norm; }, dialect);
+}
+
+SampledSpectrum read_spd(const std::string& path, const FileLocation& where) {
+  auto text = SourceText::open(path);
+  if (!text) throw SceneError(where, text.error());
+  Lexer lexer(*text);
+  SampledSpectrum out;
+  for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) {
+    out.wavelengths.push_back(lexer.to_double(t));
+    const Token value = lexer.next();
+    if (value.kind == Token::Kind::end)
+      throw SceneError(lexer.location(value), "the last wavelength of the spectrum has no value");
+    out.values.push_back(lexer.to_double(value));
+    if (!std::isfinite(out.wavelengths.back()) || !std::isfinite(out.values.back()))
+      throw SceneError(lexer.location(t), "the number is too large");
+  }
+  if (out.values.empty()) throw SceneError(where, "the spectrum file '" + path + "' has no samples");
+  return out;
+}
+
+}  // namespace cloudrenderer
