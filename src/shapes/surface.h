@@ -1,0 +1,76 @@
+#pragma once
+// Points of surfaces, whatever they were made from: where new rays start, and what an instance does to them.
+#include <bit>
+#include <cstdint>
+
+#include "shapes/geometry.h"
+
+namespace cloudrenderer {
+
+// Bound of the relative error of n float operations in a row (Higham 2002, section 3.1).
+constexpr float rounding_gamma(int n) {
+  constexpr float unit = 0x1p-24f;
+  return static_cast<float>(n) * unit / (1.f - static_cast<float>(n) * unit);
+}
+
+inline float next_float_up(float x) {
+  if (!(x < kInfinity)) return x;
+  if (x == 0.f) return std::numeric_limits<float>::min();  // tracing threads flush denormals
+  const auto bits = std::bit_cast<std::uint32_t>(x);
+  return std::bit_cast<float>(x > 0.f ? bits + 1 : bits - 1);
+}
+inline float next_float_down(float x) { return -next_float_up(-x); }
+
+// A point just outside of the error box of p, on the side of ng to which `direction` points: no ray that starts there
+// finds the surface it comes from (Pharr, Jakob and Humphreys, "Physically Based Rendering", 3rd ed., section 3.9.5).
+inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& p_error, const Vec3& ng, const Vec3& direction) {
+  const float distance = glm::dot(glm::abs(ng), p_error);
+  const Vec3 offset = (glm::dot(direction, ng) < 0.f ? -distance : distance) * ng;
+  Vec3 out = p + offset;
+  for (int i = 0; i < 3; ++i) {
+    if (offset[i] > 0.f) out[i] = next_float_up(out[i]);
+    else if (offset[i] < 0.f) out[i] = next_float_down(out[i]);
+  }
+  return out;
+}
+
+// A unit vector along v, also where the squared length leaves the range of floats; the zero vector for zero or NaN.
+inline Vec3 safe_normalize(const Vec3& v) {
+  const float length2 = glm::dot(v, v);
+  if (length2 > 1e-30f && length2 < 1e30f) return v * (1.f / std::sqrt(length2));
+  const float largest = std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z)));
+  if (!(largest > 0.f && largest < kInfinity)) return Vec3(0.f);
+  const Vec3 scaled = v / largest;
+  return scaled * (1.f / std::sqrt(glm::dot(scaled, scaled)));
+}
+
+// A point of a prototype as a point of the world. Normals keep their side, as in pbrt, also when the instance is
+// mirrored: they are transformed by the inverse transpose and normalised. The error of p grows by the rounding of
+// the transform (same book, section 3.9.4).
+inline SurfacePoint transformed(const SurfacePoint& s, const Transform& to_world) {
+  SurfacePoint out;
+  const Mat4& m = to_world.matrix();
+  out.p = to_world.point(s.p);
+  for (int i = 0; i < 3; ++i) {
+    const Vec3 row = glm::abs(Vec3(m[0][i], m[1][i], m[2][i]));
+    out.p_error[i] = (rounding_gamma(3) + 1.f) * glm::dot(row, s.p_error) +
+                     rounding_gamma(3) * (glm::dot(row, glm::abs(s.p)) + std::abs(m[3][i]));
+  }
+  out.ng = safe_normalize(to_world.normal(s.ng));
+  const Vec3 n = to_world.normal(s.ns);
+  out.ns = safe_normalize(n);
+  out.uv = s.uv;
+  out.dpdu = to_world.vector(s.dpdu);
+  out.dpdv = to_world.vector(s.dpdv);
+  const auto in_plane = [&](const Vec3& v) { return v - out.ns * glm::dot(out.ns, v); };
+  // The derivative of n / |n|.
+  const float length = glm::dot(n, out.ns);
+  const float inverse_length = length > 0.f ? 1.f / length : 0.f;
+  out.dndu = in_plane(to_world.normal(s.dndu)) * inverse_length;
+  out.dndv = in_plane(to_world.normal(s.dndv)) * inverse_length;
+  out.shading_dpdu = in_plane(to_world.vector(s.shading_dpdu));
+  out.shading_dpdv = in_plane(to_world.vector(s.shading_dpdv));
+  return out;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,106 @@
+#pragma once
+// The surface at a hit on a triangle. In the hottest path of the renderer: inline, no memory, and nothing computed
+// that the triangle has no data for.
+#include <array>
+
+#include "shapes/surface.h"
+
+namespace cloudrenderer {
+
+// The corners of one triangle; normals and uvs are read only where the flags say so.
+struct TriangleVertices {
+  std::array<Vec3, 3> p;
+  std::array<Vec3, 3> n;
+  std::array<Vec2, 3> uv;
+  bool has_normals = false, has_uvs = false;
+};
+
+namespace triangle_detail {
+
+// The cross product of two edges, unit length; also for triangles so small that the product underflows.
+inline Vec3 unit_normal(const Vec3& e0, const Vec3& e1) {
+  const Vec3 n = glm::cross(e0, e1);
+  const float length2 = glm::dot(n, n);
+  if (length2 > 1e-30f && length2 < 1e30f) return n * (1.f / std::sqrt(length2));
+  const auto largest = [](const Vec3& v) { return std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z))); };
+  const float s0 = largest(e0), s1 = largest(e1);
+  if (!(s0 > 0.f && s1 > 0.f)) return {0.f, 0.f, 1.f};
+  const Vec3 unit = safe_normalize(glm::cross(e0 / s0, e1 / s1));
+  return unit == Vec3(0.f) ? Vec3(0.f, 0.f, 1.f) : unit;
+}
+
+}  // namespace triangle_detail
+
+// u, v are Embree's: p = (1-u-v) a + u b + v c. `flip` is reverse_orientation xor swaps_handedness.
+//   Sides. pbrt-v2's geometric normal is dpdu x dpdv, so it turns over where the uv map is mirrored or degenerate;
+// normals do not matter to it. pbrt-v3's is the cross product of the edges, and is then put on the side of the
+// shading normal. (Mesh normals already carry their sign, see make_geometry.)
+//   Without `derivatives` the fields dpdu to shading_dpdv stay zero; any frame around ns serves an isotropic BSDF.
+inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u, float v,
+                                   bool derivatives = true) {
+  const Vec3 &a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
+  const float w = 1.f - u - v;
+  const Vec3 pa = w * a, pb = u * b, pc = v * c;
+  SurfacePoint s;
+  s.p = pa + pb + pc;
+  // "Physically Based Rendering", 3rd ed., section 3.9.4: seven roundings from the barycentrics to p.
+  s.p_error = rounding_gamma(7) * (glm::abs(pa) + glm::abs(pb) + glm::abs(pc));
+
+  const Vec3 e0 = a - c, e1 = b - c;
+  const Vec3 cross = triangle_detail::unit_normal(e0, e1);
+  Vec2 d0{-1.f, -1.f}, d1{0.f, -1.f};  // uv differences of the default uvs (0,0) (1,0) (1,1)
+  float determinant = 1.f;
+  if (tri.has_uvs) {
+    d0 = tri.uv[0] - tri.uv[2];
+    d1 = tri.uv[1] - tri.uv[2];
+    determinant = d0.x * d1.y - d0.y * d1.x;
+    s.uv = w * tri.uv[0] + u * tri.uv[1] + v * tri.uv[2];
+  } else {
+    s.uv = {u + v, v};
+  }
+  const bool turned = flip != (dialect == Dialect::v2 && !(determinant > 0.f));
+  s.ng = turned ? -cross : cross;
+  s.ns = s.ng;
+
+  Vec3 n{0.f};
+  if (tri.has_normals) {
+    n = w * tri.n[0] + u * tri.n[1] + v * tri.n[2];
+    const Vec3 unit = safe_normalize(n);
+    if (unit != Vec3(0.f)) {
+      s.ns = unit;
+      if (dialect == Dialect::v3 && glm::dot(s.ng, s.ns) < 0.f) s.ng = -s.ng;
+    }
+  }
+  if (!derivatives) return s;
+
+  const float inverse = 1.f / determinant;
+  const bool has_map = determinant != 0.f && std::isfinite(inverse);
+  if (has_map) {
+    s.dpdu = (d1.y * e0 - d0.y * e1) * inverse;
+    s.dpdv = (d0.x * e1 - d1.x * e0) * inverse;
+  } else {
+    orthonormal_basis(-cross, s.dpdu, s.dpdv);
+  }
+  s.shading_dpdu = s.dpdu;
+  s.shading_dpdv = s.dpdv;
+  if (!tri.has_normals) return s;
+
+  const float length = glm::dot(n, s.ns);
+  if (has_map && length > 0.f) {
+    const Vec3 n0 = tri.n[0] - tri.n[2], n1 = tri.n[1] - tri.n[2];
+    const float scale = inverse / length;
+    const Vec3 du = (d1.y * n0 - d0.y * n1) * scale, dv = (d0.x * n1 - d1.x * n0) * scale;
+    s.dndu = du - s.ns * glm::dot(s.ns, du);
+    s.dndv = dv - s.ns * glm::dot(s.ns, dv);
+  }
+  const Vec3 t = safe_normalize(glm::cross(safe_normalize(s.dpdu), s.ns));
+  if (t == Vec3(0.f)) {
+    orthonormal_basis(s.ns, s.shading_dpdu, s.shading_dpdv);
+  } else {
+    s.shading_dpdu = glm::cross(t, s.ns);
+    s.shading_dpdv = dialect == Dialect::v2 && flip ? -t : t;
+  }
+  return s;
+}
+
+}  // namespace cloudrenderer
