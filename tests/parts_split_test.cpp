@@ -5,6 +5,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <limits>
 
+#include "parts/part_maker.h"
 #include "parts_scene.h"
 
 namespace cloudrenderer {
@@ -234,17 +235,23 @@ TEST(Split, ObjectsInObjectsAreFlattened) {
   expect_mesh(all, 5, a, Transform(moved(16, 0, 2)));
 }
 
-TEST(Split, TrianglesThatAreNotFiniteAreLeftOutAloud) {
+TEST(Spool, LeavesOutTrianglesThatAreNotFinite) {
   const TemporaryFolder folder;
-  Feeder feed(folder.path(), 1 << 20);
+  Spool spool(folder.path());
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  feed.add(mesh({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {nan, 1, 1}, {1e30f, 0, 0}}, {{0, 1, 3}, {0, 1, 2}, {2, 1, 4}}));
-  const Manifest m = feed.finish();
-  const Collected all = collect(folder.path(), m);
-  ASSERT_EQ(all.triangles.size(), 1u);
-  EXPECT_EQ(all.triangles.begin()->first, TriangleKey(0, 1));
-  ASSERT_FALSE(feed.warnings.list().empty());
-  EXPECT_NE(feed.warnings.list().back().find("2 triangles"), std::string::npos);
+  const std::vector<Vec3> p = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {nan, 1, 1}, {1e30f, 0, 0}};
+  const std::vector<Triangle> t = {{0, 1, 3}, {0, 1, 2}, {2, 1, 4}};
+  ShapeRow row;
+  std::uint64_t dropped = 0;
+  EXPECT_EQ(spool.add_mesh(row, p, {}, {}, t, dropped), 0u);
+  EXPECT_EQ(dropped, 2u);
+  EXPECT_EQ(row.box.max, Vec3(1, 1, 0));
+  const PartMaker maker(spool.map(), {}, 1 << 20);
+  std::vector<Item> items;
+  maker.items_of(0, [&](const Item& i) { items.push_back(i); });
+  ASSERT_EQ(items.size(), 1u);
+  EXPECT_EQ(items[0].primitive, 1u);
+  EXPECT_EQ(spool.add_mesh(row, p, {}, {}, std::span(t).first(1), dropped), kNone);
 }
 
 TEST(Split, TakesAlongTheFilesThatTheSceneNames) {
@@ -259,6 +266,7 @@ TEST(Split, TakesAlongTheFilesThatTheSceneNames) {
     p.name = "filename";
     p.strings = {file};
     t.params.add(p);
+    t.name = file;
     return t;
   };
   Feeder feed(folder.path("out"), 1 << 20);

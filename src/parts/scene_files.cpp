@@ -2,8 +2,6 @@
 
 #include <xxhash.h>
 
-#include <algorithm>
-#include <array>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -12,6 +10,7 @@
 #include <system_error>
 
 #include "parts/mapped_file.h"
+#include "scene/file_paths.h"
 
 namespace cloudrenderer {
 namespace {
@@ -19,17 +18,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kFolder = "files/";
-// Parameters whose strings are names of files that are read. (The film's "filename" is written.)
-constexpr std::array<std::string_view, 4> kFileParameters = {"filename", "mapname", "bsdffile", "lensfile"};
-
-// Calls rename(name, location) for every file name of the scene; what it returns is the new name.
+// Calls rename(name, location) for every file that the scene reads; what it returns is the new name.
 using Rename = std::function<std::string(const std::string&, const FileLocation&)>;
 
 void rename_files(Entity& entity, const Rename& rename) {
   std::vector<Param> changed;
   for (const Param& p : entity.params.all()) {
     if (p.type != ParamType::string || p.strings.size() != 1 || p.strings[0].empty()) continue;
-    if (std::find(kFileParameters.begin(), kFileParameters.end(), p.name) == kFileParameters.end()) continue;
+    if (!is_file_parameter(p.name)) continue;
     Param renamed = p;
     renamed.strings[0] = rename(p.strings[0], p.location);
     changed.push_back(std::move(renamed));
@@ -37,6 +33,7 @@ void rename_files(Entity& entity, const Rename& rename) {
   for (Param& p : changed) entity.params.add(std::move(p));
 }
 
+// The film is left out: its file is written.
 void rename_files(SceneDescription& scene, const Rename& rename) {
   rename_files(scene.camera, rename);
   rename_files(scene.sampler, rename);

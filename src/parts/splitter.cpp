@@ -9,6 +9,7 @@
 #include <system_error>
 #include <vector>
 
+#include "parts/manifest_hash.h"
 #include "parts/part_builder.h"
 #include "parts/part_maker.h"
 #include "parts/partition.h"
@@ -112,9 +113,7 @@ Manifest SceneSplitter::Work::finish(SceneDescription description) {
   write_world();
 
   checksums_.push_back(collect_files(manifest_.scene, out_, warnings_));
-  checksums_.push_back(0);
-  const std::string unnamed = encode(manifest_);
-  checksums_.back() = XXH3_64bits(unnamed.data(), unnamed.size());
+  checksums_.push_back(manifest_hash(manifest_));
   manifest_.content_hash = XXH3_64bits(checksums_.data(), checksums_.size() * sizeof(std::uint64_t));
   if (options_.text) write_text(out_, manifest_);
   write_manifest(out_, encode(manifest_));
