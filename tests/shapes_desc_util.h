@@ -19,7 +19,8 @@ inline ShapeDesc shape(const std::string& type) {
   return s;
 }
 
-inline void add_reals(ShapeDesc& s, const std::string& name, ParamType type, std::vector<float> values) {
+inline void add_reals(ShapeDesc& s, const std::string& name, ParamType type,
+                      std::vector<float> values) {
   Param p;
   p.type = type;
   p.name = name;

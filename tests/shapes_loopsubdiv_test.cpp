@@ -1,6 +1,5 @@
 // Loop subdivision: closed meshes, borders, meshes that are not manifold, and a real one.
 #include <gtest/gtest.h>
-
 #include <unistd.h>
 
 #include <filesystem>
@@ -26,17 +25,19 @@ ShapeDesc loop_shape(std::vector<std::int32_t> indices, std::vector<float> posit
 
 ShapeDesc icosahedron(int levels) {
   const float g = 1.6180339887f;
-  return loop_shape({0, 11, 5,  0, 5,  1,  0, 1, 7, 0, 7,  10, 0, 10, 11, 1, 5, 9, 5, 11, 4,  11, 10, 2,  10, 7, 6, 7, 1, 8,
-                     3, 9,  4,  3, 4,  2,  3, 2, 6, 3, 6,  8,  3, 8,  9,  4, 9, 5, 2, 4,  11, 6,  2,  10, 8,  6, 7, 9, 8, 1},
-                    {-1, g, 0, 1, g, 0, -1, -g, 0, 1, -g, 0, 0, -1, g, 0, 1, g, 0, -1, -g, 0, 1, -g, g, 0, -1, g, 0, 1,
-                     -g, 0, -1, -g, 0, 1},
+  return loop_shape({0, 11, 5,  0, 5,  1, 0, 1, 7, 0, 7,  10, 0, 10, 11, 1, 5, 9, 5, 11,
+                     4, 11, 10, 2, 10, 7, 6, 7, 1, 8, 3,  9,  4, 3,  4,  2, 3, 2, 6, 3,
+                     6, 8,  3,  8, 9,  4, 9, 5, 2, 4, 11, 6,  2, 10, 8,  6, 7, 9, 8, 1},
+                    {-1, g,  0,  1, g, 0,  -1, -g, 0,  1, -g, 0, 0,  -1, g,  0,  1, g,
+                     0,  -1, -g, 0, 1, -g, g,  0,  -1, g, 0,  1, -g, 0,  -1, -g, 0, 1},
                     levels);
 }
 
 TriangleMesh made(const ShapeDesc& s, std::size_t expected_warnings = 0) {
   Warnings warnings;
   TriangleMesh mesh = std::get<TriangleMesh>(make_geometry(s, Dialect::v2, warnings));
-  EXPECT_EQ(warnings.list().size(), expected_warnings) << (warnings.list().empty() ? "" : warnings.list()[0]);
+  EXPECT_EQ(warnings.list().size(), expected_warnings)
+      << (warnings.list().empty() ? "" : warnings.list()[0]);
   return mesh;
 }
 
@@ -57,7 +58,8 @@ double volume(const TriangleMesh& mesh) {
   double sum = 0;
   for (const Triangle& t : mesh.triangles)
     sum += glm::dot(glm::dvec3(mesh.positions[t.x]),
-                    glm::cross(glm::dvec3(mesh.positions[t.y]), glm::dvec3(mesh.positions[t.z]))) / 6;
+                    glm::cross(glm::dvec3(mesh.positions[t.y]), glm::dvec3(mesh.positions[t.z]))) /
+           6;
   return sum;
 }
 
@@ -71,10 +73,13 @@ TEST(LoopSubdivision, KeepsAClosedMeshClosedAndConverges) {
     volumes.push_back(volume(mesh));
   }
   for (std::size_t i = 2; i < volumes.size(); ++i)  // in the end a fourth of the error a level
-    EXPECT_LT(std::abs(volumes[i] - volumes[i - 1]), (i < 4 ? 0.4 : 0.3) * std::abs(volumes[i - 1] - volumes[i - 2]));
-  // Vertices are on the limit surface from level 0 on: the 12 first of all levels are the same points.
+    EXPECT_LT(std::abs(volumes[i] - volumes[i - 1]),
+              (i < 4 ? 0.4 : 0.3) * std::abs(volumes[i - 1] - volumes[i - 2]));
+  // Vertices are on the limit surface from level 0 on: the 12 first of all levels are the same
+  // points.
   const TriangleMesh coarse = made(icosahedron(0)), fine = made(icosahedron(4));
-  for (std::size_t v = 0; v < 12; ++v) EXPECT_LT(glm::distance(coarse.positions[v], fine.positions[v]), 2e-6f);
+  for (std::size_t v = 0; v < 12; ++v)
+    EXPECT_LT(glm::distance(coarse.positions[v], fine.positions[v]), 2e-6f);
 }
 
 TEST(LoopSubdivision, HasNormalsAlongTheSurfaceNormal) {
@@ -84,7 +89,8 @@ TEST(LoopSubdivision, HasNormalsAlongTheSurfaceNormal) {
   for (const Triangle& t : mesh.triangles) {
     const Vec3 face = glm::normalize(glm::cross(mesh.positions[t.y] - mesh.positions[t.x],
                                                 mesh.positions[t.z] - mesh.positions[t.x]));
-    for (int k = 0; k < 3; ++k) ASSERT_LT(glm::dot(glm::normalize(mesh.normals[t[k]]), face), -0.98f);
+    for (int k = 0; k < 3; ++k)
+      ASSERT_LT(glm::dot(glm::normalize(mesh.normals[t[k]]), face), -0.98f);
   }
 }
 
@@ -92,7 +98,8 @@ TEST(LoopSubdivision, KeepsAFlatSheetFlatWithItsBorder) {
   std::vector<float> p;
   std::vector<std::int32_t> indices;
   for (int y = 0; y <= 3; ++y)
-    for (int x = 0; x <= 3; ++x) p.insert(p.end(), {static_cast<float>(x), static_cast<float>(y), 2.f});
+    for (int x = 0; x <= 3; ++x)
+      p.insert(p.end(), {static_cast<float>(x), static_cast<float>(y), 2.f});
   for (int y = 0; y < 3; ++y)
     for (int x = 0; x < 3; ++x) {
       const int i = 4 * y + x;
@@ -131,7 +138,8 @@ TEST(LoopSubdivision, SurvivesMeshesThatAreNotManifold) {
       indices.push_back(static_cast<std::int32_t>((x >> 16) % 7));
     }
     Warnings warnings;
-    const TriangleMesh mesh = std::get<TriangleMesh>(make_geometry(loop_shape(indices, p, 2), Dialect::v3, warnings));
+    const TriangleMesh mesh =
+        std::get<TriangleMesh>(make_geometry(loop_shape(indices, p, 2), Dialect::v3, warnings));
     for (const Vec3& v : mesh.positions) ASSERT_TRUE(is_finite(v));
     for (const Vec3& n : mesh.normals) ASSERT_TRUE(is_finite(n));
   }
@@ -147,10 +155,13 @@ TEST(LoopSubdivision, RefusesBadParameters) {
     }
     return std::string();
   };
-  EXPECT_EQ(error(icosahedron(30)), "test.pbrt:7:3: error: 30 levels of 20 faces are more than 67108864 triangles");
+  EXPECT_EQ(error(icosahedron(30)),
+            "test.pbrt:7:3: error: 30 levels of 20 faces are more than 67108864 triangles");
   EXPECT_NE(error(icosahedron(-1)), "");
-  EXPECT_NE(error(loop_shape({0, 1, 3}, {0, 0, 0, 1, 0, 0, 0, 1, 0}, 1)).find("vertex index 3"), std::string::npos);
-  EXPECT_NE(error(loop_shape({0, 1, 2}, {0, 0, 0, NAN, 0, 0, 0, 1, 0}, 1)).find("vertex 1"), std::string::npos);
+  EXPECT_NE(error(loop_shape({0, 1, 3}, {0, 0, 0, 1, 0, 0, 0, 1, 0}, 1)).find("vertex index 3"),
+            std::string::npos);
+  EXPECT_NE(error(loop_shape({0, 1, 2}, {0, 0, 0, NAN, 0, 0, 0, 1, 0}, 1)).find("vertex 1"),
+            std::string::npos);
   EXPECT_NE(error(shape("loopsubdiv")).find("needs \"indices\""), std::string::npos);
 }
 
@@ -172,10 +183,13 @@ class Collector : public SceneSink {
 };
 
 TEST(LoopSubdivision, RefinesTheKilleroo) {
-  const std::string geometry = std::string(CLOUDRENDERER_SHARED_DIR) + "/scenes/v2/geometry/killeroo.pbrt";
+  const std::string geometry =
+      std::string(CLOUDRENDERER_SHARED_DIR) + "/scenes/v2/geometry/killeroo.pbrt";
   if (!std::filesystem::exists(geometry)) GTEST_SKIP() << geometry << " is not here";
-  const std::string scene = ::testing::TempDir() + "/shapes_killeroo_" + std::to_string(::getpid()) + ".pbrt";
-  std::ofstream(scene) << "WorldBegin\nInclude \"" << std::filesystem::canonical(geometry).string() << "\"\nWorldEnd\n";
+  const std::string scene =
+      ::testing::TempDir() + "/shapes_killeroo_" + std::to_string(::getpid()) + ".pbrt";
+  std::ofstream(scene) << "WorldBegin\nInclude \"" << std::filesystem::canonical(geometry).string()
+                       << "\"\nWorldEnd\n";
   Collector sink;
   Warnings warnings;
   parse_scene(scene, {}, sink, warnings);
@@ -190,7 +204,8 @@ TEST(LoopSubdivision, RefinesTheKilleroo) {
     triangles += mesh.triangles.size();
     for (const Vec3& p : mesh.positions) surface.extend(p);
     const BulkArray<float> p = s.params.reals("P");
-    for (std::size_t i = 0; i + 2 < p.size(); i += 3) cage.extend(s.object_to_world.point({p[i], p[i + 1], p[i + 2]}));
+    for (std::size_t i = 0; i + 2 < p.size(); i += 3)
+      cage.extend(s.object_to_world.point({p[i], p[i + 1], p[i + 2]}));
     const int levels = s.params.integer("nlevels", 3);
     EXPECT_EQ(mesh.triangles.size(), (s.params.integers("indices").size() / 3) << (2 * levels));
   }

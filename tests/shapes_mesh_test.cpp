@@ -1,5 +1,9 @@
 // Shapes as they are described: what each kind becomes, and what it says of bad parameters.
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
 
 #include "shapes/geometry.h"
 #include "shapes_desc_util.h"
@@ -60,7 +64,8 @@ TEST(TriangleMesh, TurnsItsNormalsAsPbrtDoes) {
       s.reverse_orientation = reversed;
       if (mirrored) s.object_to_world = Transform(mirror);
       Warnings warnings;
-      const ShapeGeometry v2 = make_geometry(s, Dialect::v2, warnings), v3 = make_geometry(s, Dialect::v3, warnings);
+      const ShapeGeometry v2 = make_geometry(s, Dialect::v2, warnings),
+                          v3 = make_geometry(s, Dialect::v3, warnings);
       EXPECT_EQ(mesh_of(v2).normals[0].z, reversed != mirrored ? -1.f : 1.f);
       EXPECT_EQ(mesh_of(v3).normals[0].z, reversed ? -1.f : 1.f);
     }
@@ -88,7 +93,9 @@ TEST(TriangleMesh, LeavesOutArraysOfTheWrongLengthWithAWarning) {
 TEST(TriangleMesh, SaysWhereABadIndexIs) {
   ShapeDesc s = quad();
   add_ints(s, "indices", {0, 1, 2, 2, 4, 0});
-  EXPECT_EQ(error_of(s), "test.pbrt:7:3: error: vertex index 4 (number 4 of the list) is not one of the 4 vertices");
+  EXPECT_EQ(
+      error_of(s),
+      "test.pbrt:7:3: error: vertex index 4 (number 4 of the list) is not one of the 4 vertices");
   add_ints(s, "indices", {0, -1, 2});
   EXPECT_NE(error_of(s).find("vertex index -1"), std::string::npos);
 }
@@ -142,6 +149,54 @@ TEST(TriangleMesh, GoesThroughFilesWhenItIsLarge) {
   EXPECT_EQ(mesh_of(g).positions[vertices - 1], Vec3(2, 1, 1));
 }
 
+// A plymesh of this text.
+struct PlyFile {
+  std::string path = ::testing::TempDir() + "/shapes_" + std::to_string(::getpid()) + ".ply";
+  explicit PlyFile(const std::string& faces) {
+    std::ofstream(path)
+        << "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+           "property float z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+           "property float u\nproperty float v\nelement face 1\n"
+           "property list uchar int vertex_indices\nend_header\n"
+           "0 0 0 0 0 2 0 0\n1 0 0 0 0 2 1 0\n1 1 0 0 0 2 1 1\n0 1 0 0 0 2 0 1\n"
+        << faces;
+  }
+  ~PlyFile() { std::filesystem::remove(path); }
+  ShapeDesc shape_desc() const {
+    ShapeDesc s = shape("plymesh");
+    Param p;
+    p.type = ParamType::string;
+    p.name = "filename";
+    p.strings = {path};
+    p.location = at(7, 3);
+    s.params.add(std::move(p));
+    return s;
+  }
+};
+
+TEST(PlyMesh, ComesOutAsATriangleMesh) {
+  const PlyFile file("4 0 1 2 3\n");
+  ShapeDesc s = file.shape_desc();
+  s.reverse_orientation = true;
+  Mat4 m(2.f);
+  m[3].w = 1.f;
+  s.object_to_world = Transform(m);
+  Warnings warnings;
+  const ShapeGeometry g = make_geometry(s, Dialect::v3, warnings);
+  const TriangleMesh& mesh = mesh_of(g);
+  ASSERT_EQ(mesh.positions.size(), 4u);
+  EXPECT_EQ(mesh.positions[2], Vec3(2, 2, 0));
+  EXPECT_EQ(mesh.normals[2], Vec3(0, 0, -1));
+  EXPECT_EQ(mesh.uvs[2], Vec2(1, 1));
+  EXPECT_EQ(mesh.triangles.size(), 2u);
+}
+
+TEST(PlyMesh, RefusesBadFilesAtTheParameter) {
+  const PlyFile file("3 0 1 9\n");
+  EXPECT_NE(error_of(file.shape_desc(), Dialect::v3), "");
+  EXPECT_NE(error_of(shape("plymesh"), Dialect::v3).find("needs \"filename\""), std::string::npos);
+}
+
 TEST(Heightfield, MakesTwoTrianglesACellWithItsUv) {
   ShapeDesc s = shape("heightfield");
   add_ints(s, "nu", {3});
@@ -177,7 +232,8 @@ TEST(QuadricShapes, ReadTheParametersOfPbrt) {
   EXPECT_EQ(disk.phi_max, 2 * kPi);
   EXPECT_FLOAT_EQ(surface_area(disk), kPi);
   for (const char* kind : {"cylinder", "cone", "paraboloid", "hyperboloid"})
-    EXPECT_TRUE(std::holds_alternative<Quadric>(make_geometry(shape(kind), Dialect::v2, warnings))) << kind;
+    EXPECT_TRUE(std::holds_alternative<Quadric>(make_geometry(shape(kind), Dialect::v2, warnings)))
+        << kind;
   EXPECT_TRUE(warnings.list().empty());
 }
 

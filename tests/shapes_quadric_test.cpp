@@ -12,15 +12,18 @@ using namespace shapes_test;
 struct Case {
   double size, offset, distance;  // offset and distance in units of the size
 };
-constexpr Case kCases[] = {{1, 0, 5},        {1e-6, 0, 3},     {1e9, 0, 10},       {1, 1e4, 5},
-                           {1, 1e7, 1e3},    {1e-6, 1e7, 1e6}, {1e9, 1e7, 2},      {1, 0, 1e6},       {1, 1e5, 1e2},
-                           {1e-3, 1e3, 1e6}, {1e6, 3, 0.1},    {20000, 0.9, 1e-4}, {1, 1, 0}};
+constexpr Case kCases[] = {{1, 0, 5},     {1e-6, 0, 3},     {1e9, 0, 10},  {1, 1e4, 5},
+                           {1, 1e7, 1e3}, {1e-6, 1e7, 1e6}, {1e9, 1e7, 2}, {1, 0, 1e6},
+                           {1, 1e5, 1e2}, {1e-3, 1e3, 1e6}, {1e6, 3, 0.1}, {20000, 0.9, 1e-4},
+                           {1, 1, 0}};
 
 Quadric placed(Random& r, QuadricKind kind, const Case& c, bool clipped) {
   Quadric q = random_quadric(r, kind, 1, clipped);
   const float scale = static_cast<float>(c.size) * (r.flip() ? 1.f : -1.f);
-  const Vec3 stretch = r.flip() ? Vec3(scale) : scale * Vec3(1.f, r.uniformf(0.5, 2), r.uniformf(0.5, 2));
-  q.object_to_world = Transform(translation(Vec3(r.direction() * (c.size * c.offset))) * rotation(r) * scaling(stretch));
+  const Vec3 stretch =
+      r.flip() ? Vec3(scale) : scale * Vec3(1.f, r.uniformf(0.5, 2), r.uniformf(0.5, 2));
+  q.object_to_world = Transform(translation(Vec3(r.direction() * (c.size * c.offset))) *
+                                rotation(r) * scaling(stretch));
   return q;
 }
 
@@ -46,24 +49,29 @@ TEST(Quadric, FindsRaysAimedAtItAndPutsThePointOnTheSurface) {
           const bool found = intersect(q, origin, direction, 0.f, kInfinity, hit);
           hits += found;
           if (blur < 1e-3 && c.distance > 0) {
-            ASSERT_TRUE(found) << "kind " << static_cast<int>(kind) << " size " << c.size << " offset " << c.offset
-                               << " distance " << c.distance;
+            ASSERT_TRUE(found) << "kind " << static_cast<int>(kind) << " size " << c.size
+                               << " offset " << c.offset << " distance " << c.distance;
             ASSERT_LE(hit.t, 1.001f + static_cast<float>(10 * blur / c.distance));
           }
           if (!found) continue;
           const SurfacePoint s = surface_point(q, false, origin, direction, hit.t);
-          ASSERT_TRUE(is_finite(s.p) && is_finite(s.p_error) && is_finite(s.ng) && is_finite(s.dpdu) &&
-                      is_finite(s.dpdv) && is_finite(s.dndu) && is_finite(s.dndv));
+          ASSERT_TRUE(is_finite(s.p) && is_finite(s.p_error) && is_finite(s.ng) &&
+                      is_finite(s.dpdu) && is_finite(s.dpdv) && is_finite(s.dndu) &&
+                      is_finite(s.dndv));
           const double bound = glm::dot(glm::abs(glm::dvec3(s.ng)), glm::dvec3(s.p_error));
           // (The measure is of first order: not for a p that rounding may move by the radius.)
           if (c.offset < 1e6) {
             ASSERT_LE(distance_to_surface(q, s.p), bound)
-                << "kind " << static_cast<int>(kind) << " size " << c.size << " offset " << c.offset;
+                << "kind " << static_cast<int>(kind) << " size " << c.size << " offset "
+                << c.offset;
           }
           ASSERT_LE(bound, c.size * (2 + c.offset) * 1e-6);  // and the bound is not a lazy one
           // p lies on the ray, as far as t in float can say where.
-          const glm::dvec3 on_ray = glm::dvec3(origin) + static_cast<double>(hit.t) * glm::dvec3(direction);
-          const double slack = 1e-6 * (c.size * (c.offset + 4) + static_cast<double>(hit.t) * glm::length(glm::dvec3(direction)));
+          const glm::dvec3 on_ray =
+              glm::dvec3(origin) + static_cast<double>(hit.t) * glm::dvec3(direction);
+          const double slack =
+              1e-6 * (c.size * (c.offset + 4) +
+                      static_cast<double>(hit.t) * glm::length(glm::dvec3(direction)));
           ASSERT_LE(glm::length(glm::dvec3(s.p) - on_ray), slack);
         }
       }
@@ -82,7 +90,8 @@ TEST(Quadric, AgreesWithTheExactDiscriminantOfSpheres) {
     const Vec3 center(r.direction() * (c.size * c.offset));
     q.object_to_world = Transform(translation(center));
     const Vec3 origin = center + Vec3(r.direction() * (c.size * (c.distance + 1)));
-    const glm::dvec3 aim = glm::dvec3(center) + r.direction() * (static_cast<double>(q.radius) * r.uniform(0, 2));
+    const glm::dvec3 aim =
+        glm::dvec3(center) + r.direction() * (static_cast<double>(q.radius) * r.uniform(0, 2));
     const Vec3 direction(glm::normalize(aim - glm::dvec3(origin)));
     using V = glm::vec<3, long double>;
     const V o = V(origin) - V(center), d(direction);
@@ -111,16 +120,19 @@ TEST(Quadric, AgreesWithTheExactDiscriminantOfSpheres) {
 TEST(Quadric, LetsNoRayLeaveAConvexShapeAndHitItAgain) {
   Random r(17);
   for (const Case& c : kCases) {
-    for (const QuadricKind kind : {QuadricKind::sphere, QuadricKind::cylinder, QuadricKind::disk, QuadricKind::cone}) {
+    for (const QuadricKind kind :
+         {QuadricKind::sphere, QuadricKind::cylinder, QuadricKind::disk, QuadricKind::cone}) {
       for (int i = 0; i < 300; ++i) {
         const Quadric q = placed(r, kind, c, false);
         const double u = r.uniform(), v = r.uniform(0.02, 0.98);
         const glm::dvec3 target = world_point(q, u, v);
-        const Vec3 origin(target + world_normal(q, u, v) * (c.size * c.distance) + r.direction() * (0.1 * c.size));
+        const Vec3 origin(target + world_normal(q, u, v) * (c.size * c.distance) +
+                          r.direction() * (0.1 * c.size));
         const Vec3 direction(target - glm::dvec3(origin));
         QuadricHit hit;
         if (!intersect(q, origin, direction, 0.f, kInfinity, hit)) continue;
-        const SurfacePoint s = surface_point(q, q.object_to_world.swaps_handedness(), origin, direction, hit.t);
+        const SurfacePoint s =
+            surface_point(q, q.object_to_world.swaps_handedness(), origin, direction, hit.t);
         for (int k = 0; k < 4; ++k) {
           Vec3 d(r.direction());
           if (k == 1) d = glm::normalize(d - s.ng * (glm::dot(d, s.ng) - 1e-3f));  // grazing
@@ -129,7 +141,8 @@ TEST(Quadric, LetsNoRayLeaveAConvexShapeAndHitItAgain) {
           const Vec3 start = offset_ray_origin(s.p, s.p_error, s.ng, d);
           QuadricHit again;
           ASSERT_FALSE(intersect(q, start, d, 0.f, kInfinity, again))
-              << "kind " << static_cast<int>(kind) << " size " << c.size << " offset " << c.offset << " t " << again.t;
+              << "kind " << static_cast<int>(kind) << " size " << c.size << " offset " << c.offset
+              << " t " << again.t;
           if (kind != QuadricKind::sphere || c.offset > 1e4 || glm::dot(d, s.ng) < 0.01f) continue;
           // And from inside, a ray finds the far side.
           const Vec3 inner = offset_ray_origin(s.p, s.p_error, s.ng, -d);
@@ -139,6 +152,33 @@ TEST(Quadric, LetsNoRayLeaveAConvexShapeAndHitItAgain) {
       }
     }
   }
+}
+
+// Rays that only just touch or miss a sphere, from up to 1e6 radii away.
+TEST(Quadric, DecidesGrazingRaysFromFarAway) {
+  Random r(29);
+  int decided = 0;
+  for (int i = 0; i < 50000; ++i) {
+    Quadric q;
+    const double distance = std::pow(10.0, r.uniform(0.1, 6));
+    const Vec3 origin(r.direction() * distance);
+    const glm::dvec3 forward = glm::normalize(-glm::dvec3(origin));
+    const glm::dvec3 side = glm::normalize(glm::cross(forward, r.direction()));
+    const Vec3 direction(forward * distance + side * (1 + r.uniform(-1e-5, 1e-5)));
+    using V = glm::vec<3, long double>;
+    const V o(origin), d(direction);
+    const V nearest = o - (glm::dot(o, d) / glm::dot(d, d)) * d;
+    const long double gap = 1 - glm::dot(nearest, nearest);
+    if (std::abs(gap) < 1e-8L) continue;
+    ++decided;
+    QuadricHit hit;
+    ASSERT_EQ(intersect(q, origin, direction, 0.f, kInfinity, hit), gap > 0) << distance;
+    if (gap < 0) continue;
+    const SurfacePoint s = surface_point(q, false, origin, direction, hit.t);
+    ASSERT_NEAR(glm::length(glm::dvec3(s.p)), 1.0, 2e-7);
+    ASSERT_LE(glm::dot(s.ng, glm::normalize(direction)), 1e-3f);
+  }
+  EXPECT_GT(decided, 20000);
 }
 
 TEST(Quadric, KeepsToTheRangeOfT) {

@@ -1,5 +1,6 @@
 #pragma once
-// Random quadrics and pbrt's parametrisation of them, written down a second time in double precision.
+// Random quadrics and pbrt's parametrisation of them, written down a second time in double
+// precision.
 #include <cmath>
 #include <cstdint>
 
@@ -44,8 +45,9 @@ inline Mat4 rotation(Random& r) {
   return m;
 }
 
-inline constexpr QuadricKind kKinds[] = {QuadricKind::sphere, QuadricKind::cylinder,   QuadricKind::disk,
-                                         QuadricKind::cone,   QuadricKind::paraboloid, QuadricKind::hyperboloid};
+inline constexpr QuadricKind kKinds[] = {QuadricKind::sphere,     QuadricKind::cylinder,
+                                         QuadricKind::disk,       QuadricKind::cone,
+                                         QuadricKind::paraboloid, QuadricKind::hyperboloid};
 
 // A quadric of about the given size; `clipped`: with random phi_max and z range.
 inline Quadric random_quadric(Random& r, QuadricKind kind, double size, bool clipped) {
@@ -75,8 +77,10 @@ inline Quadric random_quadric(Random& r, QuadricKind kind, double size, bool cli
       q.z_min = clipped ? q.z_max * r.uniformf(0.1, 0.7) : 0.f;
       break;
     case QuadricKind::hyperboloid:
-      q.p1 = static_cast<float>(size) * Vec3(r.uniformf(0.3, 1), r.uniformf(-1, 1), r.uniformf(-1, -0.2));
-      q.p2 = static_cast<float>(size) * Vec3(r.uniformf(-0.2, 1), r.uniformf(0.3, 1), r.uniformf(0.2, 1));
+      q.p1 = static_cast<float>(size) *
+             Vec3(r.uniformf(0.3, 1), r.uniformf(-1, 1), r.uniformf(-1, -0.2));
+      q.p2 = static_cast<float>(size) *
+             Vec3(r.uniformf(-0.2, 1), r.uniformf(0.3, 1), r.uniformf(0.2, 1));
       q.z_min = q.p1.z;
       q.z_max = q.p2.z;
       break;
@@ -93,12 +97,14 @@ inline glm::dvec3 object_point(const Quadric& q, double u, double v) {
       const double theta = first + v * (last - first);
       return {radius * std::sin(theta) * c, radius * std::sin(theta) * s, radius * std::cos(theta)};
     }
-    case QuadricKind::cylinder: return {radius * c, radius * s, z_min + v * (z_max - z_min)};
+    case QuadricKind::cylinder:
+      return {radius * c, radius * s, z_min + v * (z_max - z_min)};
     case QuadricKind::disk: {
       const double r = (1 - v) * radius + v * static_cast<double>(q.inner_radius);
       return {r * c, r * s, q.height};
     }
-    case QuadricKind::cone: return {radius * (1 - v) * c, radius * (1 - v) * s, v * static_cast<double>(q.height)};
+    case QuadricKind::cone:
+      return {radius * (1 - v) * c, radius * (1 - v) * s, v * static_cast<double>(q.height)};
     case QuadricKind::paraboloid: {
       const double z = z_min + v * (z_max - z_min), r = radius * std::sqrt(z / z_max);
       return {r * c, r * s, z};
@@ -115,7 +121,8 @@ inline glm::dvec3 world_point(const Quadric& q, double u, double v) {
   return glm::dvec3(glm::dmat4(q.object_to_world.matrix()) * glm::dvec4(object_point(q, u, v), 1));
 }
 
-// The normal that pbrt-v2 gives a shape that is not reversed: dpdu x dpdv, turned back where the transform mirrors.
+// The normal that pbrt-v2 gives a shape that is not reversed: dpdu x dpdv, turned back where the
+// transform mirrors.
 inline glm::dvec3 world_normal(const Quadric& q, double u, double v) {
   const double h = 1e-6;
   const glm::dvec3 du = world_point(q, u + h, v) - world_point(q, u - h, v);

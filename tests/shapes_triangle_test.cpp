@@ -16,8 +16,8 @@ TriangleVertices corner_triangle() {
 }
 
 void expect_near(const Vec3& a, const Vec3& b, float tolerance = 1e-6f) {
-  EXPECT_LE(glm::length(a - b), tolerance) << a.x << ' ' << a.y << ' ' << a.z << " for " << b.x << ' ' << b.y << ' '
-                                           << b.z;
+  EXPECT_LE(glm::length(a - b), tolerance)
+      << a.x << ' ' << a.y << ' ' << a.z << " for " << b.x << ' ' << b.y << ' ' << b.z;
 }
 
 TEST(TrianglePoint, HasPbrtsDefaultUvs) {
@@ -96,7 +96,8 @@ TEST(TrianglePoint, HasDerivativesThatFiniteDifferencesConfirm) {
     };
     const SurfacePoint s = at(0, 0);
     const SurfacePoint pu = at(h, 0), mu = at(-h, 0), pv = at(0, h), mv = at(0, -h);
-    expect_near((pu.uv - mu.uv).x == 0.f ? Vec3(0) : Vec3(pu.uv - mu.uv, 0.f), Vec3(2 * h, 0, 0), 1e-5f);
+    expect_near((pu.uv - mu.uv).x == 0.f ? Vec3(0) : Vec3(pu.uv - mu.uv, 0.f), Vec3(2 * h, 0, 0),
+                1e-5f);
     expect_near(s.dpdu, (pu.p - mu.p) / (2 * h), 1e-3f * (1 + glm::length(s.dpdu)));
     expect_near(s.dpdv, (pv.p - mv.p) / (2 * h), 1e-3f * (1 + glm::length(s.dpdv)));
     const float tolerance = 2e-2f * (1 + glm::dot(s.dndu, s.dndu) + glm::dot(s.dndv, s.dndv));
@@ -149,7 +150,8 @@ TEST(TransformedPoint, EqualsThePointOfTheTransformedTriangle) {
   Random r(13);
   for (int i = 0; i < 2000; ++i) {
     const bool similar = i % 4 < 2;
-    const Vec3 scale = similar ? Vec3(r.uniformf(0.3, 3)) : Vec3(r.uniformf(0.3, 3), r.uniformf(0.3, 3), 1);
+    const Vec3 scale =
+        similar ? Vec3(r.uniformf(0.3, 3)) : Vec3(r.uniformf(0.3, 3), r.uniformf(0.3, 3), 1);
     const Transform to_world(translation(Vec3(r.direction() * 10.0)) * rotation(r) *
                              scaling(scale * Vec3(1, 1, i % 2 ? 1.f : -1.f)));
     TriangleVertices t, moved;
@@ -164,7 +166,8 @@ TEST(TransformedPoint, EqualsThePointOfTheTransformedTriangle) {
     const SurfacePoint s = transformed(triangle_point(t, false, Dialect::v3, 0.3f, 0.4f), to_world);
     const SurfacePoint w = triangle_point(moved, false, Dialect::v3, 0.3f, 0.4f);
     for (int a = 0; a < 3; ++a) ASSERT_LE(std::abs(s.p[a] - w.p[a]), s.p_error[a] + w.p_error[a]);
-    // A transform that is no similarity may turn ng away from ns, after which pbrt-v3's rule gives the other side.
+    // A transform that is no similarity may turn ng away from ns, after which pbrt-v3's rule gives
+    // the other side.
     expect_near(similar || glm::dot(s.ng, w.ng) > 0.f ? s.ng : -s.ng, w.ng, 1e-3f);
     expect_near(s.ns, w.ns, 1e-5f);
     expect_near(s.dpdu, w.dpdu, 1e-4f);
@@ -186,13 +189,15 @@ TEST(TransformedPoint, KeepsTheErrorBoundConservative) {
     const glm::dvec3 world(glm::dmat4(to_world.matrix()) * glm::dvec4(exact, 1));
     const SurfacePoint w = transformed(s, to_world);
     for (int a = 0; a < 3; ++a)
-      ASSERT_LE(std::abs(world[a] - static_cast<double>(w.p[a])), static_cast<double>(w.p_error[a]));
+      ASSERT_LE(std::abs(world[a] - static_cast<double>(w.p[a])),
+                static_cast<double>(w.p_error[a]));
   }
 }
 
 TEST(OffsetRayOrigin, MovesEveryCoordinateAwayFromTheSurface) {
   const Vec3 p(1, 0, -1), error(1e-7f), n = glm::normalize(Vec3(1, 1, 1));
-  const Vec3 up = offset_ray_origin(p, error, n, {0, 0, 1}), down = offset_ray_origin(p, error, n, {0, 0, -1});
+  const Vec3 up = offset_ray_origin(p, error, n, {0, 0, 1}),
+             down = offset_ray_origin(p, error, n, {0, 0, -1});
   for (int i = 0; i < 3; ++i) {
     EXPECT_GT(up[i], p[i]);
     EXPECT_LT(down[i], p[i]);

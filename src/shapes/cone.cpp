@@ -13,7 +13,9 @@ RayEquation equation(const Quadric& q, const DVec3& o, const DVec3& d) {
           (r - cone_r) * (r + cone_r)};
 }
 
-DVec3 project(const Quadric& q, const DVec3& p) { return with_radius(p, q.radius * std::abs(1 - p.z / q.height)); }
+DVec3 project(const Quadric& q, const DVec3& p) {
+  return with_radius(p, q.radius * std::abs(1 - p.z / q.height));
+}
 
 bool inside(const Quadric& q, const DVec3& p) { return p.z >= 0 && p.z <= q.height; }
 
@@ -33,8 +35,9 @@ double area(const Quadric& q) {
 
 }  // namespace
 
-const QuadricOps kConeOps{equation, project, inside, meridian, area,
-                          [](const Quadric& q) -> double { return q.radius; }, nullptr};
+const QuadricOps kConeOps{equation, project, inside,
+                          meridian, area,    [](const Quadric& q) -> double { return q.radius; },
+                          nullptr};
 
 ShapeGeometry make_cone(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   Quadric q = begin_quadric(shape, QuadricKind::cone, dialect);

@@ -39,8 +39,9 @@ void sample(const Quadric& q, const Vec2& u, DVec3& p, DVec3& n) {
 
 }  // namespace
 
-const QuadricOps kCylinderOps{equation, project, inside, meridian, area,
-                              [](const Quadric& q) -> double { return q.radius; }, sample};
+const QuadricOps kCylinderOps{
+    equation, project, inside, meridian, area, [](const Quadric& q) -> double { return q.radius; },
+    sample};
 
 ShapeGeometry make_cylinder(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   Quadric q = begin_quadric(shape, QuadricKind::cylinder, dialect);

@@ -9,7 +9,9 @@ namespace cloudrenderer {
 
 namespace {
 
-RayEquation equation(const Quadric& q, const DVec3& o, const DVec3& d) { return {0, 0.5 * d.z, o.z - q.height}; }
+RayEquation equation(const Quadric& q, const DVec3& o, const DVec3& d) {
+  return {0, 0.5 * d.z, o.z - q.height};
+}
 
 DVec3 project(const Quadric& q, const DVec3& p) { return {p.x, p.y, q.height}; }
 
@@ -27,7 +29,9 @@ Meridian meridian(const Quadric& q, const DVec3& p, double) {
   return k;
 }
 
-double area(const Quadric& q) { return 0.5 * q.phi_max * (square(q.radius) - square(q.inner_radius)); }
+double area(const Quadric& q) {
+  return 0.5 * q.phi_max * (square(q.radius) - square(q.inner_radius));
+}
 
 void sample(const Quadric& q, const Vec2& u, DVec3& p, DVec3& n) {
   const double r2 = square(q.inner_radius);
@@ -40,8 +44,9 @@ void sample(const Quadric& q, const Vec2& u, DVec3& p, DVec3& n) {
 
 }  // namespace
 
-const QuadricOps kDiskOps{equation, project, inside, meridian, area,
-                          [](const Quadric& q) -> double { return q.radius; }, sample};
+const QuadricOps kDiskOps{equation, project, inside,
+                          meridian, area,    [](const Quadric& q) -> double { return q.radius; },
+                          sample};
 
 ShapeGeometry make_disk(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   Quadric q = begin_quadric(shape, QuadricKind::disk, dialect);
@@ -49,8 +54,8 @@ ShapeGeometry make_disk(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   q.inner_radius = finite_parameter(shape, "innerradius", 0.f);
   if (q.inner_radius < 0.f || q.inner_radius >= q.radius)
     throw SceneError(location_of(shape, "innerradius"),
-                     fmt::format("innerradius must be >= 0 and less than radius ({}), got {}", q.radius,
-                                 q.inner_radius));
+                     fmt::format("innerradius must be >= 0 and less than radius ({}), got {}",
+                                 q.radius, q.inner_radius));
   q.height = q.z_min = q.z_max = finite_parameter(shape, "height", 0.f);
   return q;
 }

@@ -38,8 +38,10 @@ ShapeGeometry make_geometry(const ShapeDesc& shape, Dialect dialect, Warnings& w
     return kind.make(shape, dialect, warnings);
   }
   std::string known;
-  for (const ShapeKind& kind : kShapes) known += (known.empty() ? "" : ", ") + std::string(kind.name);
-  warnings.add(shape.location, "Shape \"" + shape.type + "\" is left out; known shapes are " + known);
+  for (const ShapeKind& kind : kShapes)
+    known += (known.empty() ? "" : ", ") + std::string(kind.name);
+  warnings.add(shape.location,
+               "Shape \"" + shape.type + "\" is left out; known shapes are " + known);
   return TriangleMesh{};
 }
 

@@ -1,4 +1,5 @@
-// Shape "heightfield": nu x nv heights Pz over the unit square, row v first; two triangles a cell, uv = (x, y).
+// Shape "heightfield": nu x nv heights Pz over the unit square, row v first; two triangles a cell,
+// uv = (x, y).
 #include <spdlog/fmt/fmt.h>
 
 #include "shapes/mesh_builder.h"
@@ -15,7 +16,8 @@ ShapeGeometry make_heightfield(const ShapeDesc& shape, Dialect dialect, Warnings
   const std::uint64_t count = std::uint64_t{columns} * rows;
   if (heights.size() != count)
     throw SceneError(location_of(shape, "Pz"),
-                     fmt::format("a heightfield of {} x {} needs {} heights, got {}", nu, nv, count, heights.size()));
+                     fmt::format("a heightfield of {} x {} needs {} heights, got {}", nu, nv, count,
+                                 heights.size()));
 
   BulkWriter<Vec3> positions;
   BulkWriter<Vec2> uvs;

@@ -1,6 +1,6 @@
-// Shape "hyperboloid": the segment p1 (0 0 0), p2 (1 1 1) turned around z by phimax (360). It is the surface of
-// revolution of the whole line for every segment; pbrt's implicit equation is that only for lines nearest to the axis
-// at z = 0.
+// Shape "hyperboloid": the segment p1 (0 0 0), p2 (1 1 1) turned around z by phimax (360). It is
+// the surface of revolution of the whole line for every segment; pbrt's implicit equation is that
+// only for lines nearest to the axis at z = 0.
 #include "shapes/quadric.h"
 #include "shapes/quadric_builder.h"
 
@@ -53,16 +53,20 @@ double area(const Quadric& q) {
   for (int i = 0; i <= kSteps; ++i) {
     const DVec3 at = p1 + step * (static_cast<double>(i) / kSteps);
     const double weight = i == 0 || i == kSteps ? 1 : i % 2 ? 4 : 2;
-    sum += weight * std::sqrt((at.x * at.x + at.y * at.y) * step.z * step.z + square(at.x * step.x + at.y * step.y));
+    sum += weight * std::sqrt((at.x * at.x + at.y * at.y) * step.z * step.z +
+                              square(at.x * step.x + at.y * step.y));
   }
   return q.phi_max * sum / (3 * kSteps);
 }
 
-double max_radius(const Quadric& q) { return std::max(radius_of(DVec3(q.p1)), radius_of(DVec3(q.p2))); }
+double max_radius(const Quadric& q) {
+  return std::max(radius_of(DVec3(q.p1)), radius_of(DVec3(q.p2)));
+}
 
 Vec3 finite_point(const ShapeDesc& shape, const char* name, const Vec3& otherwise) {
   const Vec3 p = shape.params.point3(name, otherwise);
-  if (!is_finite(p)) throw SceneError(location_of(shape, name), std::string(name) + " must be finite");
+  if (!is_finite(p))
+    throw SceneError(location_of(shape, name), std::string(name) + " must be finite");
   return p;
 }
 
@@ -74,10 +78,13 @@ ShapeGeometry make_hyperboloid(const ShapeDesc& shape, Dialect dialect, Warnings
   Quadric q = begin_quadric(shape, QuadricKind::hyperboloid, dialect);
   q.p1 = finite_point(shape, "p1", Vec3(0.f));
   q.p2 = finite_point(shape, "p2", Vec3(1.f));
-  if (q.p2.z == 0.f) std::swap(q.p1, q.p2);  // as pbrt: it decides where v starts and which side is outside
+  if (q.p2.z == 0.f)
+    std::swap(q.p1, q.p2);  // as pbrt: it decides where v starts and which side is outside
   if (q.p1.z == q.p2.z)
-    throw SceneError(location_of(shape, "p2"), "p1 and p2 of a hyperboloid must differ in z (use a disk)");
-  if (max_radius(q) == 0) throw SceneError(location_of(shape, "p2"), "p1 and p2 of a hyperboloid are both on the axis");
+    throw SceneError(location_of(shape, "p2"),
+                     "p1 and p2 of a hyperboloid must differ in z (use a disk)");
+  if (max_radius(q) == 0)
+    throw SceneError(location_of(shape, "p2"), "p1 and p2 of a hyperboloid are both on the axis");
   q.z_min = std::min(q.p1.z, q.p2.z);
   q.z_max = std::max(q.p1.z, q.p2.z);
   return q;

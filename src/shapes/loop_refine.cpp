@@ -24,7 +24,8 @@ std::uint32_t turn(const LoopMesh& mesh, std::uint32_t face, std::uint32_t verte
   return mesh.across[3 * std::size_t{face} + (leaving ? k : previous(k))];
 }
 
-// The neighbours of a vertex in the order of its fan; at a border from one border edge to the other.
+// The neighbours of a vertex in the order of its fan; at a border from one border edge to the
+// other.
 void gather_ring(const LoopMesh& mesh, std::uint32_t vertex, std::vector<std::uint32_t>& ring) {
   ring.clear();
   std::uint32_t face = mesh.first_face[vertex];
@@ -48,22 +49,27 @@ void gather_ring(const LoopMesh& mesh, std::uint32_t vertex, std::vector<std::ui
   }
 }
 
-Vec3 weigh_ring(const LoopMesh& mesh, std::uint32_t vertex, const std::vector<std::uint32_t>& ring, float weight) {
+Vec3 weigh_ring(const LoopMesh& mesh, std::uint32_t vertex, const std::vector<std::uint32_t>& ring,
+                float weight) {
   Vec3 p = (1.f - static_cast<float>(ring.size()) * weight) * mesh.positions[vertex];
   for (const std::uint32_t r : ring) p += weight * mesh.positions[r];
   return p;
 }
-Vec3 weigh_border(const LoopMesh& mesh, std::uint32_t vertex, const std::vector<std::uint32_t>& ring, float weight) {
+Vec3 weigh_border(const LoopMesh& mesh, std::uint32_t vertex,
+                  const std::vector<std::uint32_t>& ring, float weight) {
   return (1.f - 2.f * weight) * mesh.positions[vertex] + weight * mesh.positions[ring.front()] +
          weight * mesh.positions[ring.back()];
 }
 
-float beta(std::size_t valence) { return valence == 3 ? 3.f / 16.f : 3.f / (8.f * static_cast<float>(valence)); }
+float beta(std::size_t valence) {
+  return valence == 3 ? 3.f / 16.f : 3.f / (8.f * static_cast<float>(valence));
+}
 float limit_weight(std::size_t valence) {
   return 1.f / (static_cast<float>(valence) + 3.f / (8.f * beta(valence)));
 }
 
-// Pairs every edge with the one that runs the other way; edges that have no single partner stay borders.
+// Pairs every edge with the one that runs the other way; edges that have no single partner stay
+// borders.
 void connect(LoopMesh& mesh, LoopRepairs& repairs) {
   struct Edge {
     std::uint32_t low, high, half;  // half = 3 face + corner
@@ -80,7 +86,8 @@ void connect(LoopMesh& mesh, LoopRepairs& repairs) {
   mesh.across.assign(mesh.corners.size(), kBorder);
   for (std::size_t i = 0; i < edges.size();) {
     std::size_t end = i + 1;
-    while (end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high) ++end;
+    while (end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high)
+      ++end;
     const std::uint32_t h0 = edges[i].half, h1 = edges[end - 1].half;
     if (end - i == 2 && mesh.corners[h0] != mesh.corners[h1]) {
       mesh.across[h0] = h1 / 3;
@@ -126,12 +133,15 @@ struct Tangents {
 
 class TangentWeights {
  public:
-  const std::vector<Vec2>& interior(std::size_t valence) {  // cosine and sine of each neighbour's angle
+  const std::vector<Vec2>& interior(
+      std::size_t valence) {  // cosine and sine of each neighbour's angle
     if (interior_.size() != valence) {
       interior_.resize(valence);
       for (std::size_t j = 0; j < valence; ++j) {
-        const double angle = 2 * 3.14159265358979323846 * static_cast<double>(j) / static_cast<double>(valence);
-        interior_[j] = {static_cast<float>(portable::cos(angle)), static_cast<float>(portable::sin(angle))};
+        const double angle =
+            2 * 3.14159265358979323846 * static_cast<double>(j) / static_cast<double>(valence);
+        interior_[j] = {static_cast<float>(portable::cos(angle)),
+                        static_cast<float>(portable::sin(angle))};
       }
     }
     return interior_;
@@ -141,9 +151,10 @@ class TangentWeights {
   std::vector<Vec2> interior_;
 };
 
-// The weights of a tangent sum to zero: differences to the vertex keep the digits of a mesh far from the origin.
-Tangents interior_tangents(const LoopMesh& mesh, std::uint32_t vertex, const std::vector<std::uint32_t>& ring,
-                           TangentWeights& weights) {
+// The weights of a tangent sum to zero: differences to the vertex keep the digits of a mesh far
+// from the origin.
+Tangents interior_tangents(const LoopMesh& mesh, std::uint32_t vertex,
+                           const std::vector<std::uint32_t>& ring, TangentWeights& weights) {
   Tangents out;
   const std::vector<Vec2>& w = weights.interior(ring.size());
   for (std::size_t j = 0; j < ring.size(); ++j) {
@@ -154,7 +165,8 @@ Tangents interior_tangents(const LoopMesh& mesh, std::uint32_t vertex, const std
   return out;
 }
 
-Tangents border_tangents(const LoopMesh& mesh, std::uint32_t vertex, const std::vector<std::uint32_t>& ring) {
+Tangents border_tangents(const LoopMesh& mesh, std::uint32_t vertex,
+                         const std::vector<std::uint32_t>& ring) {
   const auto at = [&](std::size_t j) { return mesh.positions[ring[j]] - mesh.positions[vertex]; };
   const std::size_t valence = ring.size();
   Tangents out;
@@ -177,15 +189,18 @@ Tangents border_tangents(const LoopMesh& mesh, std::uint32_t vertex, const std::
 
 }  // namespace
 
-LoopMesh make_loop_mesh(std::span<const Vec3> positions, std::span<const std::int32_t> indices, LoopRepairs& repairs) {
+LoopMesh make_loop_mesh(std::span<const Vec3> positions, std::span<const std::int32_t> indices,
+                        LoopRepairs& repairs) {
   LoopMesh mesh;
   mesh.corners.reserve(indices.size());
   for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
-    if (indices[i] == indices[i + 1] || indices[i + 1] == indices[i + 2] || indices[i + 2] == indices[i]) {
+    if (indices[i] == indices[i + 1] || indices[i + 1] == indices[i + 2] ||
+        indices[i + 2] == indices[i]) {
       ++repairs.degenerate_faces;
       continue;
     }
-    for (std::size_t k = 0; k < 3; ++k) mesh.corners.push_back(static_cast<std::uint32_t>(indices[i + k]));
+    for (std::size_t k = 0; k < 3; ++k)
+      mesh.corners.push_back(static_cast<std::uint32_t>(indices[i + k]));
   }
   connect(mesh, repairs);
   separate_fans(mesh, positions, repairs);
@@ -213,7 +228,8 @@ LoopMesh refine(const LoopMesh& mesh) {
   for (std::uint32_t f = 0; f < faces; ++f) {
     for (std::uint32_t k = 0; k < 3; ++k) {
       const std::size_t h = 3 * std::size_t{f} + k;
-      const std::uint32_t a = mesh.corners[h], b = mesh.corners[3 * std::size_t{f} + next(k)], g = mesh.across[h];
+      const std::uint32_t a = mesh.corners[h], b = mesh.corners[3 * std::size_t{f} + next(k)],
+                          g = mesh.across[h];
       if (g != kBorder && g < f) {
         on_edge[h] = on_edge[3 * std::size_t{g} + corner_of(mesh, g, b)];
         continue;
@@ -224,8 +240,10 @@ LoopMesh refine(const LoopMesh& mesh) {
         out.positions.push_back(0.5f * pa + 0.5f * pb);
       } else {
         const std::uint32_t opposite = mesh.corners[3 * std::size_t{f} + previous(k)];
-        const std::uint32_t beyond = mesh.corners[3 * std::size_t{g} + previous(corner_of(mesh, g, b))];
-        out.positions.push_back(3.f / 8.f * pa + 3.f / 8.f * pb + 1.f / 8.f * mesh.positions[opposite] +
+        const std::uint32_t beyond =
+            mesh.corners[3 * std::size_t{g} + previous(corner_of(mesh, g, b))];
+        out.positions.push_back(3.f / 8.f * pa + 3.f / 8.f * pb +
+                                1.f / 8.f * mesh.positions[opposite] +
                                 1.f / 8.f * mesh.positions[beyond]);
       }
       out.first_face.push_back(4 * f + 3);
@@ -271,15 +289,19 @@ std::vector<Vec3> push_to_limit(LoopMesh& mesh) {
   TangentWeights weights;
   std::vector<Vec3> normals;
   normals.reserve(vertices);
-  float largest = 0.f, scale = 0.f;  // lengths are divided before the product, so that tiny meshes do not underflow
+  float largest = 0.f,
+        scale =
+            0.f;  // lengths are divided before the product, so that tiny meshes do not underflow
   for (std::uint32_t v = 0; v < vertices; ++v) {
     gather_ring(mesh, v, ring);
-    for (const std::uint32_t r : ring) scale = std::max(scale, glm::distance(mesh.positions[v], mesh.positions[r]));
+    for (const std::uint32_t r : ring)
+      scale = std::max(scale, glm::distance(mesh.positions[v], mesh.positions[r]));
   }
   const float inverse = scale > 0.f ? 1.f / scale : 1.f;
   for (std::uint32_t v = 0; v < vertices; ++v) {
     gather_ring(mesh, v, ring);
-    const Tangents t = mesh.on_border[v] ? border_tangents(mesh, v, ring) : interior_tangents(mesh, v, ring, weights);
+    const Tangents t = mesh.on_border[v] ? border_tangents(mesh, v, ring)
+                                         : interior_tangents(mesh, v, ring, weights);
     normals.push_back(glm::cross(t.s * inverse, t.t * inverse));
     largest = std::max(largest, glm::length(normals.back()));
   }

@@ -13,13 +13,19 @@ constexpr std::uint64_t kMostTriangles = std::uint64_t{1} << 26;
 
 void report(const LoopRepairs& repairs, const FileLocation& location, Warnings& warnings) {
   if (repairs.degenerate_faces)
-    warnings.add(location, fmt::format("{} faces with a vertex twice are left out", repairs.degenerate_faces));
+    warnings.add(location, fmt::format("{} faces with a vertex twice are left out",
+                                       repairs.degenerate_faces));
   if (repairs.cut_edges)
-    warnings.add(location, fmt::format("not manifold: {} edges belong to more than two faces, or to two that are "
-                                       "oriented differently; the surface is cut there", repairs.cut_edges));
+    warnings.add(
+        location,
+        fmt::format("not manifold: {} edges belong to more than two faces, or to two that are "
+                    "oriented differently; the surface is cut there",
+                    repairs.cut_edges));
   if (repairs.split_vertices)
-    warnings.add(location, fmt::format("not manifold: the surface touches itself in single points; {} vertices added",
-                                       repairs.split_vertices));
+    warnings.add(
+        location,
+        fmt::format("not manifold: the surface touches itself in single points; {} vertices added",
+                    repairs.split_vertices));
 }
 
 }  // namespace
@@ -27,7 +33,8 @@ void report(const LoopRepairs& repairs, const FileLocation& location, Warnings& 
 ShapeGeometry make_loopsubdiv(const ShapeDesc& shape, Dialect dialect, Warnings& warnings) {
   const ParamSet& params = shape.params;
   for (const char* name : {"indices", "P"})
-    if (!params.has(name)) throw SceneError(shape.location, fmt::format("a loopsubdiv needs \"{}\"", name));
+    if (!params.has(name))
+      throw SceneError(shape.location, fmt::format("a loopsubdiv needs \"{}\"", name));
   const char* levels_name = params.has("levels") ? "levels" : "nlevels";
   const int levels = params.integer(levels_name, 3);
   params.string("scheme", "loop");
@@ -36,20 +43,24 @@ ShapeGeometry make_loopsubdiv(const ShapeDesc& shape, Dialect dialect, Warnings&
 
   const MeshSource source{.shape = shape};
   if (positions.size() % 3)
-    throw SceneError(location_of(shape, "P"), fmt::format("{} numbers do not make points", positions.size()));
+    throw SceneError(location_of(shape, "P"),
+                     fmt::format("{} numbers do not make points", positions.size()));
   if (indices.size() % 3)
     warnings.add(location_of(shape, "indices"),
-                 fmt::format("{} indices: the last {} make no triangle", indices.size(), indices.size() % 3));
+                 fmt::format("{} indices: the last {} make no triangle", indices.size(),
+                             indices.size() % 3));
   check_indices(source, indices.view(), positions.size() / 3);
   if (levels < 0)
-    throw SceneError(location_of(shape, levels_name), fmt::format("{} must be >= 0, got {}", levels_name, levels));
+    throw SceneError(location_of(shape, levels_name),
+                     fmt::format("{} must be >= 0, got {}", levels_name, levels));
   if (levels > 13 || (indices.size() / 3) << (2 * levels) > kMostTriangles)
     throw SceneError(location_of(shape, levels_name),
-                     fmt::format("{} levels of {} faces are more than {} triangles", levels, indices.size() / 3,
-                                 kMostTriangles));
+                     fmt::format("{} levels of {} faces are more than {} triangles", levels,
+                                 indices.size() / 3, kMostTriangles));
   const BulkArray<Vec3> points = regroup<Vec3>(positions);
   for (std::size_t i = 0; i < points.size(); ++i)
-    if (!is_finite(points[i])) throw SceneError(location_of(shape, "P"), fmt::format("vertex {} is not finite", i));
+    if (!is_finite(points[i]))
+      throw SceneError(location_of(shape, "P"), fmt::format("vertex {} is not finite", i));
 
   LoopRepairs repairs;
   LoopMesh mesh = make_loop_mesh(points.view(), indices.view(), repairs);

@@ -34,8 +34,9 @@ bool usable(const Vec3& p) {
 BulkArray<Vec3> world_positions(const BulkArray<Vec3>& positions, const MeshSource& source) {
   const Transform& to_world = source.shape.object_to_world;
   const auto fail = [&](const Vec3& p, std::size_t i) {
-    throw SceneError(location_of(source.shape, source.positions),
-                     fmt::format("vertex {} at ({} {} {}) is not a finite point below 1e18", i, p.x, p.y, p.z));
+    throw SceneError(
+        location_of(source.shape, source.positions),
+        fmt::format("vertex {} at ({} {} {}) is not a finite point below 1e18", i, p.x, p.y, p.z));
   };
   if (to_world.is_identity()) {
     for (std::size_t i = 0; i < positions.size(); ++i)
@@ -50,8 +51,8 @@ BulkArray<Vec3> world_positions(const BulkArray<Vec3>& positions, const MeshSour
   });
 }
 
-BulkArray<Vec3> world_normals(const BulkArray<Vec3>& normals, const MeshSource& source, Dialect dialect,
-                              Warnings& warnings) {
+BulkArray<Vec3> world_normals(const BulkArray<Vec3>& normals, const MeshSource& source,
+                              Dialect dialect, Warnings& warnings) {
   const ShapeDesc& shape = source.shape;
   const bool mirrored = dialect == Dialect::v2 && shape.object_to_world.swaps_handedness();
   const float sign = shape.reverse_orientation != mirrored ? -1.f : 1.f;
@@ -68,38 +69,47 @@ BulkArray<Vec3> world_normals(const BulkArray<Vec3>& normals, const MeshSource& 
   return out;
 }
 
-BulkArray<Vec2> checked_uvs(const BulkArray<Vec2>& uvs, const MeshSource& source, Warnings& warnings) {
+BulkArray<Vec2> checked_uvs(const BulkArray<Vec2>& uvs, const MeshSource& source,
+                            Warnings& warnings) {
   const auto finite = [](const Vec2& uv) { return std::isfinite(uv.x) && std::isfinite(uv.y); };
   std::size_t bad = 0;
   for (const Vec2& uv : uvs) bad += !finite(uv);
   if (!bad) return uvs;
-  warnings.add(location_of(source.shape, source.uvs), fmt::format("{} uvs are not finite; (0 0) is used there", bad));
+  warnings.add(location_of(source.shape, source.uvs),
+               fmt::format("{} uvs are not finite; (0 0) is used there", bad));
   return map_values(uvs, [&](const Vec2& uv, std::size_t) { return finite(uv) ? uv : Vec2(0.f); });
 }
 
 }  // namespace
 
-void check_indices(const MeshSource& source, std::span<const std::int32_t> indices, std::size_t vertices) {
+void check_indices(const MeshSource& source, std::span<const std::int32_t> indices,
+                   std::size_t vertices) {
   for (std::size_t i = 0; i < indices.size(); ++i) {
     if (indices[i] < 0 || static_cast<std::size_t>(indices[i]) >= vertices)
-      throw SceneError(location_of(source.shape, source.indices),
-                       fmt::format("vertex index {} (number {} of the list) is not one of the {} vertices", indices[i],
-                                   i, vertices));
+      throw SceneError(
+          location_of(source.shape, source.indices),
+          fmt::format("vertex index {} (number {} of the list) is not one of the {} vertices",
+                      indices[i], i, vertices));
   }
 }
 
-TriangleMesh finish_mesh(TriangleMesh mesh, const MeshSource& source, Dialect dialect, Warnings& warnings) {
+TriangleMesh finish_mesh(TriangleMesh mesh, const MeshSource& source, Dialect dialect,
+                         Warnings& warnings) {
   const std::size_t vertices = mesh.positions.size();
   const std::span<const Triangle> triangles = mesh.triangles.view();
-  check_indices(source, {reinterpret_cast<const std::int32_t*>(triangles.data()), 3 * triangles.size()}, vertices);
+  check_indices(source,
+                {reinterpret_cast<const std::int32_t*>(triangles.data()), 3 * triangles.size()},
+                vertices);
   if (!mesh.normals.empty() && mesh.normals.size() != vertices) {
-    warnings.add(location_of(source.shape, source.normals),
-                 fmt::format("{} normals for {} vertices: left out", mesh.normals.size(), vertices));
+    warnings.add(
+        location_of(source.shape, source.normals),
+        fmt::format("{} normals for {} vertices: left out", mesh.normals.size(), vertices));
     mesh.normals = {};
   }
   if (mesh.uvs.size() > vertices) {
-    warnings.add(location_of(source.shape, source.uvs),
-                 fmt::format("{} uvs for {} vertices: the rest is not used", mesh.uvs.size(), vertices));
+    warnings.add(
+        location_of(source.shape, source.uvs),
+        fmt::format("{} uvs for {} vertices: the rest is not used", mesh.uvs.size(), vertices));
     const BulkArray<Vec2> all = mesh.uvs;
     mesh.uvs = {std::make_shared<const BulkArray<Vec2>>(all), all.view().first(vertices)};
   } else if (!mesh.uvs.empty() && mesh.uvs.size() < vertices) {

@@ -12,10 +12,13 @@ double curvature(const Quadric& q) { return q.z_max / square(q.radius); }
 
 RayEquation equation(const Quadric& q, const DVec3& o, const DVec3& d) {
   const double k = curvature(q);
-  return {k * (d.x * d.x + d.y * d.y), k * (o.x * d.x + o.y * d.y) - 0.5 * d.z, k * (o.x * o.x + o.y * o.y) - o.z};
+  return {k * (d.x * d.x + d.y * d.y), k * (o.x * d.x + o.y * d.y) - 0.5 * d.z,
+          k * (o.x * o.x + o.y * o.y) - o.z};
 }
 
-DVec3 project(const Quadric& q, const DVec3& p) { return {p.x, p.y, curvature(q) * (p.x * p.x + p.y * p.y)}; }
+DVec3 project(const Quadric& q, const DVec3& p) {
+  return {p.x, p.y, curvature(q) * (p.x * p.x + p.y * p.y)};
+}
 
 bool inside(const Quadric& q, const DVec3& p) { return p.z >= q.z_min && p.z <= q.z_max; }
 
@@ -35,13 +38,15 @@ Meridian meridian(const Quadric& q, const DVec3& p, double r) {
 double area(const Quadric& q) {
   const double c = curvature(q), z_min = std::max(q.z_min, 0.f), z_max = q.z_max;
   const double a = 1 + 4 * c * z_max, b = 1 + 4 * c * z_min;
-  return q.phi_max * (z_max - z_min) / (3 * c) * (a * a + a * b + b * b) / (a * std::sqrt(a) + b * std::sqrt(b));
+  return q.phi_max * (z_max - z_min) / (3 * c) * (a * a + a * b + b * b) /
+         (a * std::sqrt(a) + b * std::sqrt(b));
 }
 
 }  // namespace
 
-const QuadricOps kParaboloidOps{equation, project, inside, meridian, area,
-                                [](const Quadric& q) -> double { return q.radius; }, nullptr};
+const QuadricOps kParaboloidOps{
+    equation, project, inside, meridian, area, [](const Quadric& q) -> double { return q.radius; },
+    nullptr};
 
 ShapeGeometry make_paraboloid(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   Quadric q = begin_quadric(shape, QuadricKind::paraboloid, dialect);

@@ -17,10 +17,13 @@ struct Local {
   double determinant;
   DMat3 to_object;
 
-  // Transform::inverse_matrix() is rounded to float, which moves a far shape by a good part of its size.
+  // Transform::inverse_matrix() is rounded to float, which moves a far shape by a good part of its
+  // size.
   explicit Local(const Quadric& q)
-      : to_world(Mat4(q.object_to_world.matrix())), translation(q.object_to_world.matrix()[3]),
-        determinant(glm::determinant(to_world)), to_object(glm::inverse(to_world)) {}
+      : to_world(Mat4(q.object_to_world.matrix())),
+        translation(q.object_to_world.matrix()[3]),
+        determinant(glm::determinant(to_world)),
+        to_object(glm::inverse(to_world)) {}
 
   DVec3 origin(const Vec3& p) const { return to_object * (DVec3(p) - translation); }
   DVec3 direction(const Vec3& d) const { return to_object * DVec3(d); }
@@ -43,8 +46,9 @@ Roots solve(const Quadric& q, const QuadricOps& ops, const DVec3& origin, const 
   Roots roots;
   const double length2 = glm::dot(direction, direction);
   if (!(length2 > 0)) return roots;
-  // From the point of the ray that is nearest to the centre, so that the coefficients do not cancel for far origins
-  // (after Haines, Günther and Akenine-Möller 2019, "Precision Improvements for Ray/Sphere Intersection").
+  // From the point of the ray that is nearest to the centre, so that the coefficients do not cancel
+  // for far origins (after Haines, Günther and Akenine-Möller 2019, "Precision Improvements for
+  // Ray/Sphere Intersection").
   const double shift = -glm::dot(origin, direction) / length2;
   roots.nearest_approach = shift;
   const RayEquation e = ops.equation(q, origin + shift * direction, direction);
@@ -71,7 +75,8 @@ float azimuth(const Quadric& q, const DVec3& p) {
   }
   const double largest = std::max(std::abs(x), std::abs(y));
   if (!(largest > 0)) return 0.f;
-  const float phi = portable::atan2(static_cast<float>(y / largest), static_cast<float>(x / largest));
+  const float phi =
+      portable::atan2(static_cast<float>(y / largest), static_cast<float>(x / largest));
   return phi < 0.f ? phi + 2 * kPi : phi;
 }
 
@@ -86,7 +91,8 @@ DVec3 hit_point(const Quadric& q, const QuadricOps& ops, const DVec3& o, const D
   double best_distance = std::numeric_limits<double>::infinity();
   for (int i = 0; i < roots.count; ++i) {
     const DVec3 p = ops.project(q, o + roots.t[i] * d);
-    const double distance = std::abs(static_cast<double>(static_cast<float>(roots.t[i])) - static_cast<double>(t));
+    const double distance =
+        std::abs(static_cast<double>(static_cast<float>(roots.t[i])) - static_cast<double>(t));
     if (distance < best_distance && !is_clipped_away(q, ops, p)) {
       best_distance = distance;
       best = p;
@@ -96,7 +102,8 @@ DVec3 hit_point(const Quadric& q, const QuadricOps& ops, const DVec3& o, const D
 }
 
 bool normal_is_turned(const Quadric& q, bool flip, double determinant) {
-  // The normal below is transformed by the inverse transpose, which keeps its side where dpdu x dpdv changes it.
+  // The normal below is transformed by the inverse transpose, which keeps its side where dpdu x
+  // dpdv changes it.
   return (flip != (determinant < 0)) != (q.inside_out != 0);
 }
 
@@ -113,18 +120,24 @@ double area_ratio(const Local& local, const DVec3& n) {
 
 const QuadricOps& quadric_ops(QuadricKind kind) {
   switch (kind) {
-    case QuadricKind::sphere: return kSphereOps;
-    case QuadricKind::cylinder: return kCylinderOps;
-    case QuadricKind::disk: return kDiskOps;
-    case QuadricKind::cone: return kConeOps;
-    case QuadricKind::paraboloid: return kParaboloidOps;
-    case QuadricKind::hyperboloid: return kHyperboloidOps;
+    case QuadricKind::sphere:
+      return kSphereOps;
+    case QuadricKind::cylinder:
+      return kCylinderOps;
+    case QuadricKind::disk:
+      return kDiskOps;
+    case QuadricKind::cone:
+      return kConeOps;
+    case QuadricKind::paraboloid:
+      return kParaboloidOps;
+    case QuadricKind::hyperboloid:
+      return kHyperboloidOps;
   }
   return kSphereOps;
 }
 
-bool intersect(const Quadric& q, const Vec3& origin, const Vec3& direction, float t_min, float t_max,
-               QuadricHit& hit) {
+bool intersect(const Quadric& q, const Vec3& origin, const Vec3& direction, float t_min,
+               float t_max, QuadricHit& hit) {
   const QuadricOps& ops = quadric_ops(q.kind);
   const Local local(q);
   const DVec3 o = local.origin(origin), d = local.direction(direction);
@@ -139,7 +152,8 @@ bool intersect(const Quadric& q, const Vec3& origin, const Vec3& direction, floa
   return false;
 }
 
-SurfacePoint surface_point(const Quadric& q, bool flip, const Vec3& origin, const Vec3& direction, float t) {
+SurfacePoint surface_point(const Quadric& q, bool flip, const Vec3& origin, const Vec3& direction,
+                           float t) {
   const QuadricOps& ops = quadric_ops(q.kind);
   const Local local(q);
   const DMat3& m = local.to_world;
@@ -149,8 +163,8 @@ SurfacePoint surface_point(const Quadric& q, bool flip, const Vec3& origin, cons
   s.p = Vec3(m * p + local.translation);
   for (int i = 0; i < 3; ++i) {
     // Rounding to float, and what double arithmetic may have lost (about 40 times its true bound).
-    const double magnitude = std::abs(m[0][i] * p.x) + std::abs(m[1][i] * p.y) + std::abs(m[2][i] * p.z) +
-                             std::abs(local.translation[i]);
+    const double magnitude = std::abs(m[0][i] * p.x) + std::abs(m[1][i] * p.y) +
+                             std::abs(m[2][i] * p.z) + std::abs(local.translation[i]);
     s.p_error[i] = 0x1p-23f * std::abs(s.p[i]) + static_cast<float>(1e-14 * magnitude) +
                    std::numeric_limits<float>::min();
   }
@@ -172,7 +186,8 @@ SurfacePoint surface_point(const Quadric& q, bool flip, const Vec3& origin, cons
   DVec3 n = glm::normalize(glm::transpose(local.to_object) * (k.normal_r * er + k.normal_z * ez));
   if (normal_is_turned(q, flip, local.determinant)) n = -n;
 
-  // Weingarten's equations, in world space: the derivatives of the unit normal under any affine transform.
+  // Weingarten's equations, in world space: the derivatives of the unit normal under any affine
+  // transform.
   const double E = glm::dot(dpdu, dpdu), F = glm::dot(dpdu, dpdv), G = glm::dot(dpdv, dpdv);
   const double e = glm::dot(n, d2uu), f = glm::dot(n, d2uv), g = glm::dot(n, d2vv);
   const double area2 = E * G - F * F;
@@ -196,10 +211,13 @@ Bounds3 world_bounds(const Quadric& q) {
   double x_min = -radius, y_min = -radius, y_max = radius;
   const bool whole = q.phi_max >= 2 * kPi || q.kind == QuadricKind::hyperboloid;
   if (!whole) {
-    const double s = portable::sin(static_cast<double>(q.phi_max)), c = portable::cos(static_cast<double>(q.phi_max));
+    const double s = portable::sin(static_cast<double>(q.phi_max)),
+                 c = portable::cos(static_cast<double>(q.phi_max));
     if (q.phi_max <= kPi) x_min = std::min(0.0, radius * c);
-    if (q.phi_max <= kPi) y_min = 0;
-    else if (q.phi_max <= 1.5f * kPi) y_min = radius * s;
+    if (q.phi_max <= kPi)
+      y_min = 0;
+    else if (q.phi_max <= 1.5f * kPi)
+      y_min = radius * s;
     if (q.phi_max <= 0.5f * kPi) y_max = radius * s;
   }
   const double x_mid = 0.5 * (x_min + radius), x_half = 0.5 * (radius - x_min);
@@ -208,7 +226,8 @@ Bounds3 world_bounds(const Quadric& q) {
   Bounds3 bounds;
   for (int i = 0; i < 3; ++i) {
     const double ax = m[0][i], ay = m[1][i], az = m[2][i], t = local.translation[i];
-    // Two boxes that hold the shape: around the object-space box, and around the solid of revolution.
+    // Two boxes that hold the shape: around the object-space box, and around the solid of
+    // revolution.
     const double center = t + ax * x_mid + ay * y_mid + az * z_mid;
     const double half = std::abs(ax) * x_half + std::abs(ay) * y_half + std::abs(az) * z_half;
     const double around = radius * std::sqrt(ax * ax + ay * ay);
@@ -229,7 +248,8 @@ Bounds3 world_bounds(const Quadric& q) {
 float surface_area(const Quadric& q) {
   const DMat3 m(Mat4(q.object_to_world.matrix()));
   const double area = quadric_ops(q.kind).area(q);
-  if (q.kind == QuadricKind::disk) return static_cast<float>(area * glm::length(glm::cross(m[0], m[1])));
+  if (q.kind == QuadricKind::disk)
+    return static_cast<float>(area * glm::length(glm::cross(m[0], m[1])));
   return static_cast<float>(area * column_scale2(m));
 }
 

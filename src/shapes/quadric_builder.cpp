@@ -9,10 +9,12 @@ namespace cloudrenderer {
 Quadric begin_quadric(const ShapeDesc& shape, QuadricKind kind, Dialect dialect) {
   const Mat4& m = shape.object_to_world.matrix();
   if (m[0].w != 0.f || m[1].w != 0.f || m[2].w != 0.f || m[3].w != 1.f)
-    throw SceneError(shape.location, fmt::format("Shape \"{}\" cannot have a perspective transform", shape.type));
+    throw SceneError(shape.location,
+                     fmt::format("Shape \"{}\" cannot have a perspective transform", shape.type));
   const float degrees = finite_parameter(shape, "phimax", 360.f);
   if (!(degrees > 0.f))
-    throw SceneError(location_of(shape, "phimax"), fmt::format("phimax must be > 0, got {}", degrees));
+    throw SceneError(location_of(shape, "phimax"),
+                     fmt::format("phimax must be > 0, got {}", degrees));
   Quadric q;
   q.kind = kind;
   q.object_to_world = shape.object_to_world;
@@ -24,20 +26,24 @@ Quadric begin_quadric(const ShapeDesc& shape, QuadricKind kind, Dialect dialect)
 float finite_parameter(const ShapeDesc& shape, const char* name, float otherwise) {
   const float value = shape.params.real(name, otherwise);
   if (!std::isfinite(value))
-    throw SceneError(location_of(shape, name), fmt::format("{} must be a finite number, got {}", name, value));
+    throw SceneError(location_of(shape, name),
+                     fmt::format("{} must be a finite number, got {}", name, value));
   return value;
 }
 
 float positive_parameter(const ShapeDesc& shape, const char* name, float otherwise) {
   const float value = finite_parameter(shape, name, otherwise);
-  if (!(value > 0.f)) throw SceneError(location_of(shape, name), fmt::format("{} must be > 0, got {}", name, value));
+  if (!(value > 0.f))
+    throw SceneError(location_of(shape, name), fmt::format("{} must be > 0, got {}", name, value));
   return value;
 }
 
 void read_z_range(const ShapeDesc& shape, float z_min, float z_max, Quadric& q) {
-  const float a = finite_parameter(shape, "zmin", z_min), b = finite_parameter(shape, "zmax", z_max);
+  const float a = finite_parameter(shape, "zmin", z_min),
+              b = finite_parameter(shape, "zmax", z_max);
   if (a == b)
-    throw SceneError(location_of(shape, "zmin"), fmt::format("zmin and zmax must differ, both are {}", a));
+    throw SceneError(location_of(shape, "zmin"),
+                     fmt::format("zmin and zmax must differ, both are {}", a));
   q.z_min = std::min(a, b);
   q.z_max = std::max(a, b);
 }

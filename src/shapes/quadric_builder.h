@@ -4,7 +4,8 @@
 
 namespace cloudrenderer {
 
-// A quadric of this kind with transform and phi_max ("phimax", degrees) read. Throws for transforms that are not affine.
+// A quadric of this kind with transform and phi_max ("phimax", degrees) read. Throws for transforms
+// that are not affine.
 Quadric begin_quadric(const ShapeDesc& shape, QuadricKind kind, Dialect dialect);
 // A finite parameter; a positive one. Throw SceneError.
 float finite_parameter(const ShapeDesc& shape, const char* name, float otherwise);

@@ -62,8 +62,9 @@ void sample(const Quadric& q, const Vec2& u, DVec3& p, DVec3& n) {
 
 }  // namespace
 
-const QuadricOps kSphereOps{equation, project, inside, meridian, area,
-                            [](const Quadric& q) -> double { return q.radius; }, sample};
+const QuadricOps kSphereOps{equation, project, inside,
+                            meridian, area,    [](const Quadric& q) -> double { return q.radius; },
+                            sample};
 
 ShapeGeometry make_sphere(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   Quadric q = begin_quadric(shape, QuadricKind::sphere, dialect);
@@ -72,8 +73,9 @@ ShapeGeometry make_sphere(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   q.z_min = std::clamp(q.z_min, -q.radius, q.radius);
   q.z_max = std::clamp(q.z_max, -q.radius, q.radius);
   if (!(q.z_min < q.z_max))
-    throw SceneError(location_of(shape, "zmin"),
-                     fmt::format("nothing of the sphere of radius {} lies between zmin and zmax", q.radius));
+    throw SceneError(
+        location_of(shape, "zmin"),
+        fmt::format("nothing of the sphere of radius {} lies between zmin and zmax", q.radius));
   return q;
 }
 

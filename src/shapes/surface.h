@@ -1,5 +1,6 @@
 #pragma once
-// Points of surfaces, whatever they were made from: where new rays start, and what an instance does to them.
+// Points of surfaces, whatever they were made from: where new rays start, and what an instance does
+// to them.
 #include <bit>
 #include <cstdint>
 
@@ -21,20 +22,25 @@ inline float next_float_up(float x) {
 }
 inline float next_float_down(float x) { return -next_float_up(-x); }
 
-// A point just outside of the error box of p, on the side of ng to which `direction` points: no ray that starts there
-// finds the surface it comes from (Pharr, Jakob and Humphreys, "Physically Based Rendering", 3rd ed., section 3.9.5).
-inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& p_error, const Vec3& ng, const Vec3& direction) {
+// A point just outside of the error box of p, on the side of ng to which `direction` points: no ray
+// that starts there finds the surface it comes from (Pharr, Jakob and Humphreys, "Physically Based
+// Rendering", 3rd ed., section 3.9.5).
+inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& p_error, const Vec3& ng,
+                              const Vec3& direction) {
   const float distance = glm::dot(glm::abs(ng), p_error);
   const Vec3 offset = (glm::dot(direction, ng) < 0.f ? -distance : distance) * ng;
   Vec3 out = p + offset;
   for (int i = 0; i < 3; ++i) {
-    if (offset[i] > 0.f) out[i] = next_float_up(out[i]);
-    else if (offset[i] < 0.f) out[i] = next_float_down(out[i]);
+    if (offset[i] > 0.f)
+      out[i] = next_float_up(out[i]);
+    else if (offset[i] < 0.f)
+      out[i] = next_float_down(out[i]);
   }
   return out;
 }
 
-// A unit vector along v, also where the squared length leaves the range of floats; the zero vector for zero or NaN.
+// A unit vector along v, also where the squared length leaves the range of floats; the zero vector
+// for zero or NaN.
 inline Vec3 safe_normalize(const Vec3& v) {
   const float length2 = glm::dot(v, v);
   if (length2 > 1e-30f && length2 < 1e30f) return v * (1.f / std::sqrt(length2));
@@ -44,9 +50,9 @@ inline Vec3 safe_normalize(const Vec3& v) {
   return scaled * (1.f / std::sqrt(glm::dot(scaled, scaled)));
 }
 
-// A point of a prototype as a point of the world. Normals keep their side, as in pbrt, also when the instance is
-// mirrored: they are transformed by the inverse transpose and normalised. The error of p grows by the rounding of
-// the transform (same book, section 3.9.4).
+// A point of a prototype as a point of the world. Normals keep their side, as in pbrt, also when
+// the instance is mirrored: they are transformed by the inverse transpose and normalised. The error
+// of p grows by the rounding of the transform (same book, section 3.9.4).
 inline SurfacePoint transformed(const SurfacePoint& s, const Transform& to_world) {
   SurfacePoint out;
   const Mat4& m = to_world.matrix();

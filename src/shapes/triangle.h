@@ -1,6 +1,6 @@
 #pragma once
-// The surface at a hit on a triangle. In the hottest path of the renderer: inline, no memory, and nothing computed
-// that the triangle has no data for.
+// The surface at a hit on a triangle. In the hottest path of the renderer: inline, no memory, and
+// nothing computed that the triangle has no data for.
 #include <array>
 
 #include "shapes/surface.h"
@@ -17,12 +17,15 @@ struct TriangleVertices {
 
 namespace triangle_detail {
 
-// The cross product of two edges, unit length; also for triangles so small that the product underflows.
+// The cross product of two edges, unit length; also for triangles so small that the product
+// underflows.
 inline Vec3 unit_normal(const Vec3& e0, const Vec3& e1) {
   const Vec3 n = glm::cross(e0, e1);
   const float length2 = glm::dot(n, n);
   if (length2 > 1e-30f && length2 < 1e30f) return n * (1.f / std::sqrt(length2));
-  const auto largest = [](const Vec3& v) { return std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z))); };
+  const auto largest = [](const Vec3& v) {
+    return std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z)));
+  };
   const float s0 = largest(e0), s1 = largest(e1);
   if (!(s0 > 0.f && s1 > 0.f)) return {0.f, 0.f, 1.f};
   const Vec3 unit = safe_normalize(glm::cross(e0 / s0, e1 / s1));
@@ -32,18 +35,21 @@ inline Vec3 unit_normal(const Vec3& e0, const Vec3& e1) {
 }  // namespace triangle_detail
 
 // u, v are Embree's: p = (1-u-v) a + u b + v c. `flip` is reverse_orientation xor swaps_handedness.
-//   Sides. pbrt-v2's geometric normal is dpdu x dpdv, so it turns over where the uv map is mirrored or degenerate;
-// normals do not matter to it. pbrt-v3's is the cross product of the edges, and is then put on the side of the
-// shading normal. (Mesh normals already carry their sign, see make_geometry.)
-//   Without `derivatives` the fields dpdu to shading_dpdv stay zero; any frame around ns serves an isotropic BSDF.
-inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u, float v,
-                                   bool derivatives = true) {
+//   Sides. pbrt-v2's geometric normal is dpdu x dpdv, so it turns over where the uv map is mirrored
+//   or degenerate;
+// normals do not matter to it. pbrt-v3's is the cross product of the edges, and is then put on the
+// side of the shading normal. (Mesh normals already carry their sign, see make_geometry.)
+//   Without `derivatives` the fields dpdu to shading_dpdv stay zero; any frame around ns serves an
+//   isotropic BSDF.
+inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u,
+                                   float v, bool derivatives = true) {
   const Vec3 &a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
   const float w = 1.f - u - v;
   const Vec3 pa = w * a, pb = u * b, pc = v * c;
   SurfacePoint s;
   s.p = pa + pb + pc;
-  // "Physically Based Rendering", 3rd ed., section 3.9.4: seven roundings from the barycentrics to p.
+  // "Physically Based Rendering", 3rd ed., section 3.9.4: seven roundings from the barycentrics to
+  // p.
   s.p_error = rounding_gamma(7) * (glm::abs(pa) + glm::abs(pb) + glm::abs(pc));
 
   const Vec3 e0 = a - c, e1 = b - c;

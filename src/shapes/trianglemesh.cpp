@@ -1,5 +1,5 @@
-// Shape "trianglemesh": indices, P, N, uv or st, discarddegenerateUVs. S is read and has no effect: nothing of ours
-// uses tangents of a mesh but anisotropic materials, which take them from the uvs.
+// Shape "trianglemesh": indices, P, N, uv or st, discarddegenerateUVs. S is read and has no effect:
+// nothing of ours uses tangents of a mesh but anisotropic materials, which take them from the uvs.
 #include <spdlog/fmt/fmt.h>
 
 #include "shapes/mesh_builder.h"
@@ -26,19 +26,24 @@ ShapeGeometry make_trianglemesh(const ShapeDesc& shape, Dialect dialect, Warning
   const char* uv_name = params.has("uv") || !params.has("st") ? "uv" : "st";
   const MeshSource source{.shape = shape, .uvs = uv_name};
   for (const char* name : {"indices", "P"})
-    if (!params.has(name)) throw SceneError(shape.location, fmt::format("a trianglemesh needs \"{}\"", name));
+    if (!params.has(name))
+      throw SceneError(shape.location, fmt::format("a trianglemesh needs \"{}\"", name));
 
-  const BulkArray<float> positions = params.reals("P"), normals = params.reals("N"), uvs = params.reals(uv_name);
+  const BulkArray<float> positions = params.reals("P"), normals = params.reals("N"),
+                         uvs = params.reals(uv_name);
   const BulkArray<std::int32_t> indices = params.integers("indices");
   const bool discard_degenerate_uvs = params.boolean("discarddegenerateUVs", false);
   params.reals("S");
   if (positions.size() % 3)
-    throw SceneError(location_of(shape, "P"), fmt::format("{} numbers do not make points", positions.size()));
+    throw SceneError(location_of(shape, "P"),
+                     fmt::format("{} numbers do not make points", positions.size()));
   if (indices.size() % 3)
     warnings.add(location_of(shape, "indices"),
-                 fmt::format("{} indices: the last {} make no triangle", indices.size(), indices.size() % 3));
+                 fmt::format("{} indices: the last {} make no triangle", indices.size(),
+                             indices.size() % 3));
   check_indices(source, indices.view(), positions.size() / 3);
-  if (indices.size() < 3) warnings.add(location_of(shape, "indices"), "a trianglemesh without triangles");
+  if (indices.size() < 3)
+    warnings.add(location_of(shape, "indices"), "a trianglemesh without triangles");
 
   TriangleMesh mesh;
   mesh.positions = regroup<Vec3>(positions);
