@@ -329,7 +329,7 @@ int main(int argc, char** argv) try {
   app.add_option("--triangles", triangles, "how many, to about a percent")->check(CLI::Range(1e3, 1e11));
   app.add_option("-o,--output", folder, "the folder to write")->required();
   app.add_option("--seed", seed, "another landscape");
-  app.add_option("--triangles-per-file", per_file, "at most")->check(CLI::Range(1e3, 1e8));
+  app.add_option("--triangles-per-file", per_file, "about, in the largest")->check(CLI::Range(1e3, 1e8));
   app.add_option("--threads", threads, "tiles made at once")->check(CLI::Range(1, 256));
   try {
     app.parse(argc, argv);

@@ -1,0 +1,8 @@
+# The scripts and programs of tools/.
+add_test(NAME tools.check_layers COMMAND /usr/bin/python3 ${PROJECT_SOURCE_DIR}/tools/check_layers.py)
+add_test(NAME tools.check_layers_finds
+  COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/layers/check_layers_test.py)
+add_test(NAME tools.generate_scene
+  COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_generate_scene_test.py $<TARGET_FILE:generate_scene>)
+set_tests_properties(tools.check_layers tools.check_layers_finds tools.generate_scene
+  PROPERTIES LABELS unit TIMEOUT 60)
