@@ -1,3 +1,5 @@
-cloudrenderer_test(scene_tests LABEL unit
-  SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/scene_number_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/scene_files_test.cpp
-  LINK cr_scene)
+set(SCENE_TESTS "")
+foreach(unit number lexer params spectrum transforms parser materials errors codec text ply files)
+  list(APPEND SCENE_TESTS ${CMAKE_CURRENT_SOURCE_DIR}/scene_${unit}_test.cpp)
+endforeach()
+cloudrenderer_test(scene_tests LABEL unit SOURCES ${SCENE_TESTS} LINK cr_scene)

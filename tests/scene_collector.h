@@ -65,6 +65,7 @@ class TemporaryFolder {
   std::string path(const std::string& name) const { return path_ + "/" + name; }
   std::string write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories(std::filesystem::path(path(name)).parent_path());
+    std::filesystem::remove(path(name));  // replacing a file's bytes makes some file systems write to the disk at once
     std::ofstream(path(name), std::ios::binary) << text;
     return path(name);
   }

@@ -65,6 +65,6 @@ std::optional<DMat4> look_at(const DVec3& eye, const DVec3& look, const DVec3& u
   return m;
 }
 
-Transform to_transform(const DMat4& m) { return {Mat4(m), Mat4(glm::inverse(m))}; }
+Transform to_transform(const DMat4& m) { return Transform(Mat4(m)); }
 
 }  // namespace cloudrenderer

@@ -17,7 +17,7 @@ std::optional<DMat4> rotate(double degrees, const DVec3& axis);
 // World to camera, for a left-handed camera that looks along +z. None where `up` or the viewing direction is singular.
 std::optional<DMat4> look_at(const DVec3& eye, const DVec3& look, const DVec3& up);
 
-// In float, the inverse taken in double. A singular matrix gives a transform that is not invertible.
+// In float; the inverse is that of the float matrix, so that text which gives the matrix gives both. A singular matrix gives a transform that is not invertible.
 Transform to_transform(const DMat4& m);
 
 }  // namespace cloudrenderer

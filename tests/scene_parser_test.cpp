@@ -1,0 +1,204 @@
+#include <gtest/gtest.h>
+
+#include "scene_collector.h"
+
+namespace cloudrenderer {
+namespace {
+
+ParsedScene world(const std::string& text, std::optional<Dialect> dialect = std::nullopt) {
+  return parse_text("WorldBegin\n" + text + "\nWorldEnd\n", dialect);
+}
+
+TEST(Parser, ReadsAWholeScene) {
+  const ParsedScene p = parse_text(R"(
+LookAt 0 0 -5  0 0 0  0 1 0
+Camera "perspective" "float fov" [39]
+Film "image" "integer xresolution" 320 "string filename" "out.exr"
+Sampler "halton" "integer pixelsamples" [16]
+PixelFilter "gaussian" "float xwidth" 2
+SurfaceIntegrator "path" "integer maxdepth" [7]
+VolumeIntegrator "single"
+Accelerator "kdtree"
+WorldBegin
+LightSource "point" "rgb I" [1 2 3]
+AttributeBegin
+  Translate 0 0 1
+  AreaLightSource "area" "rgb L" [5 5 5]
+  ReverseOrientation
+  Shape "sphere" "float radius" .5
+AttributeEnd
+Shape "disk"
+WorldEnd
+)");
+  EXPECT_EQ(p.scene.dialect, Dialect::v2);
+  EXPECT_EQ(p.scene.camera.params.real("fov", 0), 39.f);
+  EXPECT_EQ(p.scene.film.params.string("filename", ""), "out.exr");
+  EXPECT_EQ(p.scene.sampler.type, "halton");
+  EXPECT_EQ(p.scene.filter.type, "gaussian");
+  EXPECT_EQ(p.scene.integrator.params.integer("maxdepth", 0), 7);
+  ASSERT_TRUE(p.scene.volume_integrator);
+  EXPECT_FALSE(p.scene.renderer);
+  ASSERT_EQ(p.scene.lights.size(), 1u);
+  ASSERT_EQ(p.sink.shapes.size(), 2u);
+  EXPECT_TRUE(p.sink.shapes[0].reverse_orientation);
+  EXPECT_EQ(p.sink.shapes[0].area_light, AreaLightId(0));
+  EXPECT_EQ(p.sink.shapes[0].object_to_world.point(Vec3(0)), Vec3(0, 0, 1));
+  EXPECT_EQ(p.sink.shapes[0].location.line, 16u);
+  EXPECT_FALSE(p.sink.shapes[1].reverse_orientation);
+  EXPECT_FALSE(p.sink.shapes[1].area_light);
+  EXPECT_TRUE(p.sink.shapes[1].object_to_world.is_identity());
+  EXPECT_TRUE(p.warnings.list().empty()) << joined(p.warnings);
+}
+
+TEST(Parser, HasTheDefaultsOfTheDialect) {
+  const SceneDescription v2 = world("").scene, v3 = world("", Dialect::v3).scene;
+  EXPECT_EQ(v2.dialect, Dialect::v2);
+  EXPECT_EQ(v2.camera.type + v2.film.type + v2.filter.type, "perspectiveimagebox");
+  EXPECT_EQ(v2.sampler.type, "lowdiscrepancy");
+  EXPECT_EQ(v2.integrator.type, "directlighting");
+  EXPECT_EQ(v3.sampler.type, "halton");
+  EXPECT_EQ(v3.integrator.type, "path");
+}
+
+TEST(Parser, TellsTheDialects) {
+  const auto dialect = [](const std::string& text) { return parse_text(text).scene.dialect; };
+  EXPECT_EQ(dialect("SurfaceIntegrator \"path\" WorldBegin WorldEnd"), Dialect::v2);
+  EXPECT_EQ(dialect("Renderer \"sampler\" WorldBegin WorldEnd"), Dialect::v2);
+  EXPECT_EQ(dialect("Integrator \"path\" WorldBegin WorldEnd"), Dialect::v3);
+  EXPECT_EQ(dialect("WorldBegin Shape \"trianglemesh\" \"point P\" [1 2 3] Shape \"plymesh\" WorldEnd"), Dialect::v3);
+  EXPECT_EQ(dialect("WorldBegin MakeNamedMedium \"m\" WorldEnd"), Dialect::v3);
+  EXPECT_EQ(dialect("WorldBegin Texture \"Integrator\" \"float\" \"scale\" WorldEnd"), Dialect::v2);
+  EXPECT_EQ(dialect("WorldBegin WorldEnd # Integrator"), Dialect::v2);
+  EXPECT_EQ(parse_text("Integrator \"path\" WorldBegin WorldEnd", Dialect::v2).scene.dialect, Dialect::v2);
+}
+
+TEST(Parser, TellsTheDialectFromAnInclude) {
+  const TemporaryFolder folder;
+  folder.write("geometry/a.pbrt", "Shape \"plymesh\" \"string filename\" \"mesh.ply\"");
+  const std::string path = folder.write("a.pbrt", "WorldBegin Include \"geometry/a.pbrt\" WorldEnd");
+  SceneCollector sink;
+  Warnings warnings;
+  EXPECT_EQ(parse_scene(path, {}, sink, warnings).dialect, Dialect::v3);
+}
+
+TEST(Parser, IncludesAndFilesAreRelativeToTheTopOrTheIncluder) {
+  const TemporaryFolder folder;
+  folder.write("geometry/a.pbrt", "Include \"b.pbrt\"\nShape \"plymesh\" \"string filename\" \"beside.ply\"");
+  folder.write("geometry/b.pbrt", "Include \"geometry/c.pbrt\" Shape \"b\" \"string filename\" \"top.ply\"");
+  folder.write("geometry/c.pbrt", "Shape \"c\" \"string filename\" \"nowhere.ply\"");
+  folder.write("geometry/beside.ply", "");
+  folder.write("top.ply", "");
+  folder.write("geometry/top.ply", "");
+  const std::string path = folder.write("a.pbrt", "WorldBegin Include \"geometry/a.pbrt\" Shape \"last\" WorldEnd");
+  SceneCollector sink;
+  Warnings warnings;
+  parse_scene(path, {}, sink, warnings);
+  ASSERT_EQ(sink.shapes.size(), 4u);
+  EXPECT_EQ(sink.shapes[0].params.string("filename", ""), folder.path("nowhere.ply"));
+  EXPECT_EQ(sink.shapes[1].params.string("filename", ""), folder.path("top.ply"));
+  EXPECT_EQ(sink.shapes[2].params.string("filename", ""), folder.path("geometry/beside.ply"));
+  EXPECT_EQ(sink.shapes[3].type, "last");
+}
+
+TEST(Parser, ObjectsAndInstances) {
+  const ParsedScene p = world(R"(
+ObjectBegin "tree"
+  Translate 1 0 0
+  Shape "sphere"
+ObjectEnd
+Translate 0 5 0
+ObjectInstance "tree"
+ObjectInstance "bush"
+Shape "disk")");
+  EXPECT_EQ(p.sink.events,
+            (std::vector<std::string>{"begin tree", "shape sphere", "end", "instance", "shape disk"}));
+  EXPECT_EQ(p.sink.shapes[0].object, ObjectId(0));
+  EXPECT_EQ(p.sink.shapes[0].object_to_world.point(Vec3(0)), Vec3(1, 0, 0));
+  EXPECT_FALSE(p.sink.shapes[1].object);
+  ASSERT_EQ(p.sink.instances.size(), 1u);
+  EXPECT_EQ(p.sink.instances[0].instance_to_world.point(Vec3(0)), Vec3(0, 5, 0));
+  EXPECT_NE(joined(p.warnings).find("no object \"bush\""), std::string::npos);
+}
+
+TEST(Parser, ToleratesMisnestedBlocks) {
+  const ParsedScene p = world(R"(
+AttributeBegin
+ObjectBegin "a"
+Shape "sphere"
+AttributeEnd
+ObjectEnd
+ObjectBegin "b"
+ObjectBegin "c"
+Shape "disk"
+ObjectEnd
+ObjectEnd
+TransformBegin
+AttributeBegin
+Translate 1 0 0
+TransformEnd
+Shape "cone"
+AttributeEnd)");
+  EXPECT_EQ(p.sink.events, (std::vector<std::string>{"begin a", "shape sphere", "end", "begin b", "end", "begin c",
+                                                     "shape disk", "end", "shape cone"}));
+  EXPECT_TRUE(p.sink.shapes.back().object_to_world.is_identity());
+}
+
+TEST(Parser, MissingEndsAreWarnings) {
+  const ParsedScene p = parse_text("WorldBegin AttributeBegin ObjectBegin \"a\" Shape \"sphere\"");
+  EXPECT_EQ(p.sink.events.back(), "end");
+  const std::string all = joined(p.warnings);
+  EXPECT_NE(all.find("without WorldEnd"), std::string::npos);
+  EXPECT_NE(all.find("ObjectEnd is missing"), std::string::npos);
+  EXPECT_NE(all.find("AttributeEnd is missing"), std::string::npos);
+}
+
+TEST(Parser, RendersTheFirstOfSeveralWorlds) {
+  const ParsedScene p = parse_text("WorldBegin Shape \"a\" WorldEnd\nWorldBegin Shape \"b\" WorldEnd");
+  EXPECT_EQ(p.sink.shapes.size(), 1u);
+  EXPECT_NE(joined(p.warnings).find("only the first world"), std::string::npos);
+  EXPECT_EQ(world("WorldBegin Shape \"a\"").sink.shapes.size(), 1u);
+}
+
+TEST(Parser, DirectivesOutOfPlaceAreIgnoredWithAWarning) {
+  const ParsedScene p = parse_text("AttributeBegin Shape \"a\" AttributeEnd WorldBegin Film \"x\" Camera \"y\" WorldEnd");
+  EXPECT_TRUE(p.sink.shapes.empty());
+  EXPECT_EQ(p.scene.film.type, "image");
+  EXPECT_EQ(p.scene.camera.type, "perspective");
+  EXPECT_EQ(p.warnings.list().size(), 5u) << joined(p.warnings);
+}
+
+TEST(Parser, UnsupportedThingsWarnOnce) {
+  const ParsedScene p = world(R"(
+MakeNamedMedium "fog" "string type" "homogeneous"
+MediumInterface "fog" ""
+MediumInterface "fog"
+TransformTimes 0 1
+Shape "sphere"
+Volume "homogeneous" "point p0" [0 0 0])");
+  EXPECT_EQ(p.sink.shapes.size(), 1u);
+  EXPECT_EQ(p.warnings.list().size(), 1u) << joined(p.warnings);
+  EXPECT_NE(p.warnings.list()[0].find("scene.pbrt:3:1: warning: participating media"), std::string::npos);
+}
+
+TEST(Parser, AreaLightsInObjectsAreIgnored) {
+  const ParsedScene p = world("AreaLightSource \"area\" ObjectBegin \"a\" Shape \"sphere\" Shape \"disk\" ObjectEnd");
+  EXPECT_FALSE(p.sink.shapes[0].area_light);
+  EXPECT_TRUE(p.scene.area_lights.empty());
+  EXPECT_EQ(p.warnings.list().size(), 1u);
+}
+
+TEST(Parser, ShapesShareTheirAreaLight) {
+  const ParsedScene p = world("AreaLightSource \"area\" Shape \"a\" Shape \"b\" AreaLightSource \"area\" Shape \"c\"");
+  EXPECT_EQ(p.scene.area_lights.size(), 2u);
+  EXPECT_EQ(p.sink.shapes[1].area_light, AreaLightId(0));
+  EXPECT_EQ(p.sink.shapes[2].area_light, AreaLightId(1));
+}
+
+TEST(Parser, BracketedNamesAreNames) {
+  const ParsedScene p = world("Material [\"glass\"] Shape [ \"sphere\" ]");
+  EXPECT_EQ(p.sink.shapes.at(0).type, "sphere");
+  EXPECT_EQ(p.scene.materials.at(0).type, "glass");
+}
+
+}  // namespace
+}  // namespace cloudrenderer
