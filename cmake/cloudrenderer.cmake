@@ -5,6 +5,10 @@ target_include_directories(cloudrenderer_options INTERFACE ${PROJECT_SOURCE_DIR}
 target_compile_options(cloudrenderer_options INTERFACE
   -ffp-contract=off -fno-math-errno -fno-trapping-math
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion $<$<BOOL:${CLOUDRENDERER_WERROR}>:-Werror>)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+  # GCC 12 warns of std::string's own code (bug 105651).
+  target_compile_options(cloudrenderer_options INTERFACE -Wno-restrict)
+endif()
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   target_compile_options(cloudrenderer_options INTERFACE -march=x86-64-v3)
 endif()
