@@ -235,6 +235,38 @@ TEST(Split, ObjectsInObjectsAreFlattened) {
   expect_mesh(all, 5, a, Transform(moved(16, 0, 2)));
 }
 
+TEST(Split, ObjectsTooLargeToCopyBecomeInstancesOfTheirOwn) {
+  const TemporaryFolder folder;
+  Feeder feed(folder.path(), 100 << 10);
+  const ObjectId leaf(0), tree(1), wood(2);
+  const ShapeDesc a = hills(50, {0, 0, 0}, 1.f), trunk = hills(2, {0, 0, -1}, 1.f);
+  feed.begin(leaf);
+  feed.add(a, leaf);
+  feed.end(leaf);
+  feed.begin(tree);
+  feed.instance(leaf, moved(0, 0, 1));
+  feed.add(trunk, tree);
+  feed.instance(leaf, moved(0, 0, 2));
+  feed.end(tree);
+  feed.begin(wood);
+  feed.add(trunk, wood);
+  feed.instance(tree, moved(0, 4, 0));
+  feed.end(wood);
+  feed.instance(wood, moved(8, 0, 0));
+  feed.instance(tree, moved(16, 0, 0));
+  const Manifest m = feed.finish();
+  const Collected all = collect(folder.path(), m);
+  EXPECT_EQ(all.duplicates, 0u);
+  EXPECT_EQ(all.triangles.size(), 8u + 2 * (2 * 5000 + 8));
+  EXPECT_LT(m.total_triangles, 11000u);  // the leaf is stored twice at most
+  expect_mesh(all, 0, trunk, Transform(moved(8, 0, 0)));
+  expect_mesh(all, 1, a, Transform(moved(8, 4, 1)));
+  expect_mesh(all, 2, trunk, Transform(moved(8, 4, 0)));
+  expect_mesh(all, 3, a, Transform(moved(8, 4, 2)));
+  expect_mesh(all, 4, a, Transform(moved(16, 0, 1)));
+  expect_mesh(all, 6, a, Transform(moved(16, 0, 2)));
+}
+
 TEST(Spool, LeavesOutTrianglesThatAreNotFinite) {
   const TemporaryFolder folder;
   Spool spool(folder.path());

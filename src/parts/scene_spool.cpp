@@ -5,15 +5,8 @@
 #include "shapes/geometry.h"
 
 namespace cloudrenderer {
-namespace {
-
-// Objects inside objects are copied into the outer one up to this size.
-constexpr double kFlattenBytes = 64 << 20;
-
-}  // namespace
-
-SceneSpool::SceneSpool(const std::string& folder, Warnings& warnings)
-    : warnings_(warnings), spool_(folder), instances_(folder) {}
+SceneSpool::SceneSpool(const std::string& folder, double flatten_bytes, Warnings& warnings)
+    : flatten_bytes_(flatten_bytes), warnings_(warnings), spool_(folder), instances_(folder) {}
 
 void SceneSpool::begin_object(ObjectId id, const std::string& name) {
   open_ = id;
@@ -117,7 +110,7 @@ void SceneSpool::nest(PrototypeSpool& outer, std::uint32_t inner_index, const In
   const PrototypeSpool& inner = prototypes_[inner_index];
   const Transform& to_outer = instance.instance_to_world;
   const std::uint32_t first = take_ids(&outer, inner.shape_count, instance.location);
-  if (outer.bytes + inner.bytes <= kFlattenBytes) {
+  if (outer.bytes + inner.bytes <= flatten_bytes_) {
     const Spool::View view = spool_.map();
     for (const std::uint32_t r : inner.rows) {
       const ShapeRow source = view.rows[r];

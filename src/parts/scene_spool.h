@@ -30,7 +30,8 @@ struct PrototypeSpool {
 // Receives a scene while it is parsed, builds the geometry of each shape, numbers it, and puts it into temporary files.
 class SceneSpool : public SceneSink {
  public:
-  SceneSpool(const std::string& folder, Warnings& warnings);
+  // Objects inside objects are copied into the outer one as long as that is at most `flatten_bytes` loaded.
+  SceneSpool(const std::string& folder, double flatten_bytes, Warnings& warnings);
 
   void begin_object(ObjectId id, const std::string& name) override;
   void end_object(ObjectId id) override;
@@ -50,6 +51,7 @@ class SceneSpool : public SceneSink {
   void add_row(PrototypeSpool& owner, std::uint32_t number, const ShapeRow& row);
   void nest(PrototypeSpool& outer, std::uint32_t inner, const InstanceDesc& instance);
 
+  double flatten_bytes_;
   Warnings& warnings_;
   Spool spool_;
   SpoolArray<InstanceRecord> instances_;

@@ -34,6 +34,8 @@ constexpr float kShrinks = 0.25f;
 constexpr double kFill = 0.97;
 // A prototype up to this many parts large is one blob.
 constexpr double kLargePrototype = 4;
+// Objects inside objects are copied up to this size, unless a prototype of that size would be cut.
+constexpr double kFlattenBytes = 64 << 20;
 
 std::string scratch_folder(const std::string& out, const SplitOptions& options) {
   return options.scratch.empty() ? out : options.scratch;
@@ -66,7 +68,8 @@ class SceneSplitter::Work {
  public:
   Work(const std::string& out, const SplitOptions& options, Warnings& warnings)
       : out_(out), options_(options), warnings_(warnings), scratch_(scratch_folder(out, options)),
-        scene_(scratch_, warnings), records_(scratch_), items_(scratch_) {}
+        scene_(scratch_, std::min(kFlattenBytes, kLargePrototype * static_cast<double>(options.part_size)), warnings),
+        records_(scratch_), items_(scratch_) {}
 
   SceneSink& sink() { return scene_; }
   Manifest finish(SceneDescription description);
