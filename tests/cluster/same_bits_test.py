@@ -1,0 +1,43 @@
+"""The picture does not depend on the cluster: the same bits for any number of hosts and threads, and any split."""
+import numpy as np
+import support
+
+SPP, SIZE = 8, "120x120"
+
+
+class SameBits(support.ClusterTest):
+    def check(self, wanted, name, *arguments):
+        with self.subTest(name):
+            image, report = self.render(name, *arguments, "--spp", SPP, "--resolution", SIZE)
+            different = int((image != wanted).any(axis=2).sum())
+            self.assertEqual(different, 0, f"{different} pixels differ from one host's")
+            self.assertTrue(report["bit_exact"])
+            self.assertEqual(report["invalid_samples"], 0)
+            return report
+
+    def test_hosts_replication_threads_and_split(self):
+        split = self.split()
+        wanted, report = self.render("one", split, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
+        self.assertGreaterEqual(report["parts"]["count"], 8)
+        self.assertGreater(float(np.mean(wanted)), 0)
+        self.check(wanted, "threads", split, "--threads", 2)
+        self.check(wanted, "two", split, "--hosts", 2, "--threads", 1)
+        two = self.check(wanted, "two-threads", split, "--hosts", 2, "--threads", 2)
+        self.assertGreater(two["rays"]["moved"], 0, "no path moved: the scene was not shared between the hosts")
+        self.check(wanted, "replicated", split, "--hosts", 2, "--threads", 1, "--replication", 2)
+        five = self.check(wanted, "five", split, "--hosts", 5, "--threads", 1)
+        self.assertEqual(len(five["hosts"]), 5)
+        self.check(wanted, "five-replicated", split, "--hosts", 5, "--threads", 1, "--replication", 2)
+        self.check(wanted, "unsplit", support.SCENE, "--threads", 2)
+        self.check(wanted, "unsplit-two", support.SCENE, "--hosts", 2, "--threads", 1, "--part-size", "2MiB")
+
+    def test_another_seed_is_another_picture(self):
+        a, _ = self.render("a", support.SCENE, "--spp", 2, "--resolution", "40x40")
+        b, _ = self.render("b", support.SCENE, "--spp", 2, "--resolution", "40x40", "--seed", 1)
+        c, _ = self.render("c", support.SCENE, "--spp", 2, "--resolution", "40x40", "--seed", 1)
+        self.assertFalse(np.array_equal(a, b))
+        self.assertTrue(np.array_equal(b, c))
+
+
+if __name__ == "__main__":
+    support.main()
