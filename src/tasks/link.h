@@ -69,6 +69,7 @@ class Link {
   std::uint32_t next_sequence_ = 1;
   std::deque<wire::Bytes> unsent_;
   std::deque<Sent> unacknowledged_;  // consecutive sequences
+  bool resend_ = false;              // some of them have `again` set
   std::uint32_t received_ = 0;       // cumulative
   std::map<std::uint32_t, wire::Bytes> early_;  // above received_ + 1
   double ack_due_ = std::numeric_limits<double>::infinity();

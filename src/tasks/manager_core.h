@@ -8,6 +8,8 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,6 +34,8 @@ struct ManagerOptions {
   double task_seconds = 5;       // of work at most
   std::uint32_t first_generation = 1;
   bool allow_inexact = false;
+  // How long to wait for more hosts when the scene does not fit those that are there; then the job fails.
+  double wait_for_room_s = 0;
 };
 
 // What the core must know of the scene; the rest is the driver's.
@@ -68,6 +72,9 @@ class ManagerCore {
   Phase phase() const { return phase_; }
   bool finished() const { return phase_ == Phase::done || phase_ == Phase::failed; }
   const std::string& error() const { return error_; }  // phase failed: for ClusterError
+
+  // "": nothing; else for people: why the job does not go on without more hosts.
+  const std::string& waiting_for() const { return no_room_; }
 
   // No more tasks are handed out; the job ends when those on the way are in (--max-time, interrupt).
   void stop(double now);
@@ -107,13 +114,17 @@ class ManagerCore {
     wire::Hello hello;
     double heard = 0;
     bool started = false;          // has reported the job's main scene ready
+    bool mapped = false;           // the hosts know it: it may hold parts and own renderer tasks
+    std::size_t mapped_parts = 0;  // that the last map gave it
     bool leaving = false, final = false;
-    std::vector<PartId> holds;     // reported
-    std::vector<PartId> wanted;    // ordered or held
+    std::uint32_t released = 0;    // leaving: epoch from which on it is no holder
+    std::set<PartId> holds;        // reported
+    std::set<PartId> wanted;       // ordered or held
+    bool complete() const { return started && holds.size() == wanted.size(); }
     std::uint64_t outstanding_paths = 0;
     std::uint32_t outstanding_tasks = 0;
     wire::Status status;
-    double paths_per_s = 0;
+    double paths_per_s = 0;        // measured since rate_since
     double rate_since = 0;
     std::uint64_t rate_paths = 0;
   };
@@ -122,23 +133,38 @@ class ManagerCore {
     HostId host;
   };
 
+  // manager_core.cpp: hosts and parts
   void place_all(double now);
-  void order(HostId id, Host& h, const std::vector<PartId>& parts);
-  bool everything_held() const;
+  void order(HostId id, Host& h, std::span<const PartId> parts);
+  bool everything_held(bool by_leaving) const;
+  bool everything_wanted() const;
+  std::uint64_t main_bytes() const;
   void new_map(bool generation);
   void send_host_list();
-  void fill_entries(google::protobuf::RepeatedPtrField<wire::HostEntry>* out) const;
-  void handle_report(HostId from, Host& h, const wire::LoadReport& m, double now);
-  void handle_reply(HostId from, Host& h, wire::Reply& m, double now);
-  void handle_status(HostId from, Host& h, const wire::Status& m, double now);
+  void handle(HostId from, Host& h, wire::LoadReport& m, double now);
+  void handle(HostId from, Host& h, wire::Reply& m, double now);
+  void handle(HostId from, Host& h, wire::Status& m, double now);
+  void handle(HostId from, Host& h, wire::Leave& m, double now);
+  template <class M>
+  void handle(HostId, Host&, M&, double) { ++progress_.dropped_messages; }
   void remove(HostId id, bool lost, double now);
-  void try_release(double now);
+  void try_release(HostId id, double now);
+  void check_unreachable(double now);
+  void check_loaded(double now);
+
+  // manager_handout.cpp: renderer tasks and the end
+  void begin_rendering(double now);
   void hand_out(double now);
   std::optional<RendererRange> next_range(std::uint64_t paths);
+  std::uint64_t task_paths(const Host& h, std::size_t hosts) const;
   void give(HostId id, Host& h, RendererRange range);
+  void merge(const Outstanding& o, const wire::RendererReply& r);
+  std::uint32_t rounds() const { return (job_.spp + options_.round_samples - 1) / options_.round_samples; }
+  bool nothing_left() const;
   void check_end(double now);
-  void fail(const std::string& why);
   void begin_end(const std::string& reason, double now);
+  void check_final(double now);
+  void fail(const std::string& why, double now);
   void send(HostId to, wire::Message m) { outbox_.emplace_back(to, std::move(m)); }
 
   ManagerOptions options_;
@@ -163,7 +189,11 @@ class ManagerCore {
   std::uint32_t next_task_ = 1;
   bool stopped_ = false;
   std::uint64_t unassigned_paths_ = 0;
-  std::uint64_t next_number_ = 1;
+  std::vector<std::uint64_t> round_left_;  // paths of every round that have not arrived
+  std::uint64_t next_number_ = 1;          // of task ids
+  std::map<HostId, double> unreachable_since_;
+  std::optional<double> no_room_since_;
+  std::string no_room_;
 
   Progress progress_;
   double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();

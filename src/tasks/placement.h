@@ -20,6 +20,7 @@ struct PlacementHost {
   HostId host;
   std::uint64_t memory = 0;
   std::vector<PartId> holds;               // stay where they are: a placement only adds
+  std::vector<PartId> cannot;              // parts whose features the host lacks
 };
 struct PlacementInput {
   std::vector<PlacementPart> parts;        // [0] is the main scene's, on every host; in spatial order

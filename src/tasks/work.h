@@ -119,6 +119,7 @@ struct Work {
                UnloadWork, EndJobWork> what;
   std::vector<wire::TaskUuid> tasks;       // that are running in it
   RoutingPtr routing;                      // never null for work that needs it
+  std::uint64_t job = 0;
   std::uint32_t film_width = 0;
   double taken = 0;                        // clock at take()
   std::size_t segments() const;            // size for load and speed

@@ -9,7 +9,8 @@
 //   after each:  for (auto& [to, message] : core.take_outbox()) link(to).send(encode(message))
 //
 // receive/tick/finish may make new work ready: has_work() tells whether idle threads are to be woken.
-// The driver answers Blob*, Hello, PeerHello and the rest of the handshake itself.
+// The driver answers Blob*, Hello, PeerHello and the rest of the handshake itself. Work may still be running when the
+// loader gets end_job() or another start_job(): whoever executes it shares the ownership of its engine.
 //
 //                       a          b            c, j
 //   blocks, ranges -> fresh -> ready -> running -> replying -> end
@@ -17,6 +18,7 @@
 //                       v         | h      v
 //                  submitting -> waiting (for replies of other hosts)
 //                            f
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -69,8 +71,9 @@ class WorkerCore {
   bool has_load_work() const;
   Outbox take_outbox() { return std::exchange(outbox_, {}); }
 
-  // The driver cannot reach a peer: told to the manager with the next status, which then decides.
+  // The driver cannot reach a peer (or can again): told to the manager with every status, which then decides.
   void peer_unreachable(HostId peer);
+  void peer_reachable(HostId peer);
   void set_driver_counters(const DriverCounters& c) { driver_ = c; }
   // Asks the manager for leave; the host works on until left().
   void leave(const std::string& reason);
@@ -81,7 +84,7 @@ class WorkerCore {
 
   // ---- for the report, tests and the simulation ----
   wire::Status status() const;
-  const wire::Counters& counters() const { return counters_; }
+  std::uint64_t dropped_messages() const { return dropped_; }
   std::size_t tasks_in(TaskState s) const { return in_state_[static_cast<std::size_t>(s)]; }
   std::size_t queued_segments() const { return queued_; }  // waiting for a thread here
   std::size_t kept_segments() const { return kept_; }      // waiting for another host, asks included
@@ -89,7 +92,6 @@ class WorkerCore {
   bool idle() const;
 
  private:
-  struct ReadyTrace;
   using Uuid = wire::TaskUuid;
 
   // Blocks that gather for one host: state submitting until they leave.
@@ -104,7 +106,7 @@ class WorkerCore {
     std::uint32_t ask_blocks_out = 0;
     std::vector<PathEnd> ends;
     double ends_since = 0;
-    Uuid segment_task, ask_task;           // the submitting tasks; number 0: none
+    Uuid segment_task, ask_task;           // in state submitting while something gathers
   };
   struct Waiting {                         // submitted, reply to come
     std::variant<std::vector<KeptSegments>, std::vector<ParkedAsks>> kept;
@@ -116,7 +118,7 @@ class WorkerCore {
     RendererRange range;
     std::deque<RendererLedger::Run> to_make;
     std::uint64_t unissued = 0, remaining = 0;
-    bool opened = false;                   // its ledger exists
+    std::uint64_t live() const { return remaining > unissued ? remaining - unissued : 0; }
   };
   template <class T>
   struct Ready {
@@ -141,38 +143,47 @@ class WorkerCore {
 
   void submit_renderer(Uuid id, const RendererRange& range);
   void submit_block(HostId from, wire::SubmitTask& m);
-  void answer_segments(Task& task, Waiting& waiting, wire::TracerReply reply);
-  void answer_asks(Task& task, Waiting& waiting, wire::OcclusionReply reply);
   void set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries);
-  void forget_in_flight(bool renderers);
-  void drop_host(HostId host);
+  void forget_in_flight();               // all path work but renderer tasks and path ends
+  void forget_job();
+  void regroup_without_lost_hosts();
   void end_job(const std::string& reason);
 
-  // worker_queues.cpp: tasks and queues
-  Task& create(TaskCategory category, HostId submitter);
+  // worker_queues.cpp: tasks, blocks for other hosts
   Task& create(Uuid id, TaskCategory category, HostId submitter);
-  void move(Task& task, TaskMove m);
-  bool try_move(Task& task, TaskMove m);
-  void discard(Uuid id);
-  Task* find(Uuid id);
+  Task& create(TaskCategory category) { return create({incarnation_, next_number_++}, category, self_); }
+  void move(Task& task, TaskMove m);     // erases the task at its end
+  void move(Uuid id, TaskMove m) { move(tasks_.at(id), m); }
+  void end_inline(Uuid id);              // a waiting task that has nothing left to do
   void ready_local(std::vector<PathSegment> segments);
   void ready_shade(SegmentBatch batch);
   void ready_returned(Uuid id, TraceWork::Returned returned, std::size_t count);
   void ready_resolve(Uuid id, ResolveWork::Answered answered, std::size_t count);
-  void gather(HostId to, KeptSegments kept, double now);
-  void gather(HostId to, ParkedAsks asks, double now);
-  void gather_ends(HostId to, std::vector<PathEnd> ends, double now);
-  void flush(HostId to, Gather& g, double now, bool all);
+  void gather(HostId to, KeptSegments kept);
+  void gather(HostId to, ParkedAsks asks);
+  void gather_ends(HostId to, std::vector<PathEnd> ends);
+  void flush(HostId to, Gather& g);
+  void flush_all();
   void send_segments(HostId to, Gather& g);
   void send_asks(HostId to, Gather& g);
-  void retry_stranded(double now, bool all);
+  void strand(Uuid id, std::variant<TraceWork::Returned, ResolveWork::Answered> item, std::size_t count);
+  void retry_stranded(bool all);
+
+  // worker_take.cpp: work and results
   bool may_make_camera() const;
-  std::optional<Work> take_camera();
-  std::optional<Work> take_trace(bool local);
-  Work base_work() const;
+  bool may_collect() const { return !collecting_ && (!own_ends_.empty() || list_missing_); }
+  bool may_unload() const;
+  Work base_work(double now);
   void run(Work& work, Uuid id);
-  void finish_collect(WorkResult& r);
-  void finish_load(const Work& work, WorkResult& r, double now);
+  Work take_camera(double now);
+  Work take_trace(double now);
+  Work take_shade(double now);
+  Work take_occlude(double now);
+  Work take_resolve(double now);
+  Work take_collect(double now);
+  void finish_collect(const CollectWork& work, WorkResult& r);
+  void finish_load(const Work& work, WorkResult& r);
+  void count_tasks(const Work& work);
   void send(HostId to, wire::Message m) { outbox_.emplace_back(to, std::move(m)); }
 
   HostId self_;
@@ -217,16 +228,19 @@ class WorkerCore {
   // renderer tasks of this host
   std::map<std::uint32_t, Renderer> renderers_;
   Ledgers ledgers_;
-  bool collecting_ = false, list_missing_ = false;
+  bool collecting_ = false;              // a thread has the ledgers
+  bool list_missing_ = false;            // to be asked of the next collection
+  bool remaking_ = false;                // until it has answered no camera rays are made
   std::vector<std::vector<PathEnd>> own_ends_;
   std::vector<RendererRange> opened_;
 
-  std::size_t queued_ = 0, local_queued_ = 0, kept_ = 0, running_ = 0;
+  std::size_t queued_ = 0, kept_ = 0, running_ = 0;
+  std::size_t local_queued_ = 0, shade_queued_ = 0;  // parts of queued_
   bool loading_ = false;
   double segments_per_s_ = 0;            // measured, one thread
   double next_status_ = 0;
   double busy_s_ = 0;
-  std::uint64_t dropped_ = 0;
+  std::uint64_t dropped_ = 0;            // messages that fit nothing here
   wire::Counters counters_;
   DriverCounters driver_;
   double now_ = 0;

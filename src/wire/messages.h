@@ -3,7 +3,7 @@
 // their fields once); the three that carry columns are the structs below.
 //
 // To add a message: its fields in messages.proto (or a struct here with its codec in bulk_codec.cpp), one word at the
-// END of the variant (the index is the type number on the wire), one handler in the core that gets it.
+// END of the variant (the index, from 0, is the type number on the wire), one handler in the core that gets it.
 #include <compare>
 #include <cstdint>
 #include <functional>
@@ -28,7 +28,7 @@ struct TaskUuid {
 // The optional columns of a job's segment blocks; the others always travel.
 enum Column : std::uint32_t {
   kColumnBestHit = 1,     // some segment visits more than one holder: more than two parts
-  kColumnTested = 2,      // likewise
+  kColumnTested = 2,      // likewise; with the window
   kColumnPreviousNormal = 4,
   kColumnCone = 8,        // textures with a footprint
 };
@@ -68,7 +68,8 @@ struct SubmitTask {
 
 struct TracerReply {
   std::vector<std::uint64_t> accepted;  // bit i: segment i of the block now belongs to the replier
-  std::vector<std::uint64_t> tested;    // one new mask for every segment not accepted, in order
+  std::vector<std::uint64_t> tested;    // the new mask of every segment not accepted, in order
+  std::vector<std::uint16_t> windows;   // and its new window; empty: all 0
   std::uint32_t count = 0;              // segments of the block
 };
 struct OcclusionReply {

@@ -1,0 +1,425 @@
+#include <algorithm>
+#include <bit>
+#include <iterator>
+
+#include "tasks/work.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr std::size_t kChunk = 2048;  // segments of a leaving chunk at most, so that blocks stay small
+
+bool bit(std::span<const std::uint64_t> bits, std::size_t i) { return (bits[i / 64] >> (i % 64) & 1u) != 0; }
+
+template <class T>
+void append(std::vector<T>& to, std::vector<T>&& from) {
+  if (to.empty())
+    to = std::move(from);
+  else
+    to.insert(to.end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
+}
+
+// The host in a slot of the routing; none for this host itself, which did not have the part when the batch ran, and
+// for parts without a holder: both look again a little later.
+HostId remote_host(const Routing& routing, Routing::Slot s) {
+  if (s == Routing::kNoSlot || routing.host(s) == routing.self()) return {};
+  return routing.host(s);
+}
+
+class EndsByOwner {
+ public:
+  explicit EndsByOwner(WorkResult& r) : ends_(r.ends) {}
+  void add(const PathEnd& e) {
+    if (last_ >= ends_.size() || ends_[last_].first.value != e.owner) find(e.owner);
+    ends_[last_].second.push_back(e);
+  }
+
+ private:
+  void find(std::uint16_t owner) {
+    for (last_ = 0; last_ < ends_.size(); ++last_)
+      if (ends_[last_].first.value == owner) return;
+    ends_.emplace_back(HostId(owner), std::vector<PathEnd>());
+  }
+  std::vector<std::pair<HostId, std::vector<PathEnd>>>& ends_;
+  std::size_t last_ = 0;
+};
+
+// One bucket a destination: slots of the routing, and one more for "no holder".
+template <class Bucket>
+class Buckets {
+ public:
+  explicit Buckets(const Routing& routing) : routing_(routing), buckets_(routing.hosts() + 1) {}
+  Bucket& at(Routing::Slot s) {
+    const bool remote = static_cast<bool>(remote_host(routing_, s));
+    return buckets_[remote ? s : routing_.hosts()];
+  }
+  template <class F>
+  void for_each(F f) {
+    for (std::size_t s = 0; s < buckets_.size(); ++s)
+      f(s < routing_.hosts() ? routing_.host(static_cast<Routing::Slot>(s)) : HostId(), buckets_[s]);
+  }
+
+ private:
+  const Routing& routing_;
+  std::vector<Bucket> buckets_;
+};
+
+struct SegmentBucket {
+  std::vector<PathSegment> segments;
+  std::vector<Hit> hits;
+};
+
+void leave(HostId to, SegmentBucket& b, WorkResult& r) {
+  if (b.segments.empty()) return;
+  r.leaving.push_back(
+      {to, {std::make_shared<const std::vector<PathSegment>>(std::move(b.segments)), std::move(b.hits)}});
+  b = {};
+}
+
+// Splits a traced batch: what can be shaded stays in it (in order), the rest goes to the buckets of its holders.
+void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
+  const auto stays = [](PartId p) { return !p; };
+  const auto first = std::find_if_not(batch.next.begin(), batch.next.end(), stays);
+  std::size_t kept = static_cast<std::size_t>(first - batch.next.begin());
+  if (kept < batch.size()) {
+    Buckets<SegmentBucket> buckets(routing);
+    for (std::size_t i = kept; i < batch.size(); ++i) {
+      if (stays(batch.next[i])) {
+        batch.segments[kept] = batch.segments[i];
+        batch.hits[kept] = batch.hits[i];
+        batch.next[kept++] = PartId();
+        continue;
+      }
+      const Routing::Slot s = routing.target(batch.next[i]);
+      SegmentBucket& b = buckets.at(s);
+      b.segments.push_back(batch.segments[i]);
+      b.hits.push_back(batch.hits[i]);
+      if (b.segments.size() == kChunk) leave(remote_host(routing, s), b, r);
+    }
+    buckets.for_each([&](HostId to, SegmentBucket& b) { leave(to, b, r); });
+    batch.segments.resize(kept);
+    batch.hits.resize(kept);
+    batch.next.resize(kept);
+  }
+  r.to_shade = std::move(batch);
+}
+
+// Appends what another host gave back, with its newer masks.
+void take_back(TraceWork::Returned& returned, SegmentBatch& batch) {
+  const wire::TracerReply& reply = returned.reply;
+  std::size_t i = 0, miss = 0;
+  for (const KeptSegments& kept : returned.kept) {
+    for (std::size_t k = 0; k < kept.segments->size(); ++k, ++i) {
+      if (reply.count != 0 && bit(reply.accepted, i)) continue;
+      PathSegment s = (*kept.segments)[k];
+      if (reply.count != 0) {
+        const std::uint16_t window = reply.windows.empty() ? std::uint16_t{0} : reply.windows[miss];
+        if (window > s.window) {
+          s.window = window;
+          s.tested = reply.tested[miss];
+        } else if (window == s.window) {
+          s.tested |= reply.tested[miss];
+        }
+        ++miss;
+      }
+      batch.segments.push_back(s);
+      batch.hits.push_back(kept.hits[k]);
+    }
+  }
+}
+
+// Answers the blocks that lie from `at` on in the traced batch, and leaves only the accepted segments in it.
+void answer_arrived(std::span<TraceWork::Arrived> arrived, std::size_t at, std::uint32_t epoch, SegmentBatch& batch,
+                    WorkResult& r) {
+  std::size_t kept = at;
+  for (TraceWork::Arrived& a : arrived) {
+    const std::size_t n = a.block.size();
+    wire::TracerReply reply;
+    reply.count = static_cast<std::uint32_t>(n);
+    reply.accepted.resize((n + 63) / 64);
+    bool windows = false;
+    for (std::size_t i = 0; i < n; ++i, ++at) {
+      if (batch.hits[at].part != 0xffffffffu) {
+        reply.accepted[i / 64] |= std::uint64_t{1} << (i % 64);
+        batch.segments[kept] = batch.segments[at];
+        batch.hits[kept] = batch.hits[at];
+        batch.next[kept++] = batch.next[at];
+      } else {
+        reply.tested.push_back(batch.segments[at].tested);
+        reply.windows.push_back(batch.segments[at].window);
+        windows |= batch.segments[at].window != 0;
+      }
+    }
+    if (!windows) reply.windows.clear();
+    r.replies.emplace_back(a.from, wire::Reply{a.id, epoch, std::move(reply)});
+  }
+  batch.segments.resize(kept);
+  batch.hits.resize(kept);
+  batch.next.resize(kept);
+}
+
+WorkResult run(const PathEngine& engine, Work& work, TraceWork& w) {
+  WorkResult r;
+  SegmentBatch batch;
+  for (auto& segments : w.local) append(batch.segments, std::move(segments));
+  batch.hits.resize(batch.segments.size());
+  for (TraceWork::Returned& returned : w.returned) take_back(returned, batch);
+  const std::size_t own = batch.size();
+  for (const TraceWork::Arrived& a : w.arrived) {
+    for (const auto& chunk : a.block.chunks) {
+      batch.segments.insert(batch.segments.end(), chunk->begin(), chunk->end());
+      for (const PathSegment& s : *chunk) {
+        Hit hit;
+        hit.t = s.best.t;
+        hit.shape = s.best.shape;
+        hit.primitive = s.best.primitive;
+        batch.hits.push_back(hit);
+      }
+    }
+  }
+  batch.next.resize(batch.size());
+  if (batch.size() != 0) engine.trace(batch);
+  if (!w.arrived.empty()) answer_arrived(w.arrived, own, work.routing->epoch(), batch, r);
+  split_traced(batch, *work.routing, r);
+  return r;
+}
+
+// A path whose shadow ray has been answered goes on or ends.
+void resume(const ParkedPath& p, WorkResult& r, EndsByOwner& ends) {
+  if (!p.ended) {
+    r.next.push_back(p.segment);
+    return;
+  }
+  const auto flags = static_cast<std::uint16_t>((p.invalid ? kEndInvalid : 0) | (p.clamped ? kEndClamped : 0));
+  ends.add({p.segment.task, p.segment.pixel, p.segment.sample, p.segment.owner, flags, p.segment.radiance});
+}
+
+// Asks gathered for one destination.
+struct AskBucket {
+  std::vector<OcclusionRay> rays;
+  ParkedAsks asks;
+};
+
+class AskSorter {
+ public:
+  AskSorter(const Routing& routing, WorkResult& r) : routing_(routing), result_(r), buckets_(routing) {}
+  void add(const OcclusionRay& ray, const ParkedPath& path, const Fixed3& contribution, std::span<const PartId> parts) {
+    const Routing::Slot s = cover_first(parts, routing_);
+    AskBucket& b = buckets_.at(s);
+    b.rays.push_back(ray);
+    b.asks.paths.push_back(path);
+    b.asks.contributions.push_back(contribution);
+    b.asks.parts.insert(b.asks.parts.end(), parts.begin(), parts.end());
+    b.asks.part_end.push_back(static_cast<std::uint32_t>(b.asks.parts.size()));
+    if (b.rays.size() == kChunk) close(remote_host(routing_, s), b);
+  }
+  void finish() {
+    buckets_.for_each([&](HostId to, AskBucket& b) { close(to, b); });
+  }
+
+ private:
+  void close(HostId to, AskBucket& b) {
+    if (b.rays.empty()) return;
+    b.asks.rays = std::make_shared<const std::vector<OcclusionRay>>(std::move(b.rays));
+    result_.asks.push_back({to, std::move(b.asks)});
+    b = {};
+  }
+  const Routing& routing_;
+  WorkResult& result_;
+  Buckets<AskBucket> buckets_;
+};
+
+WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
+  WorkResult r;
+  SegmentBatch batch;
+  for (SegmentBatch& b : w.batches) {
+    append(batch.segments, std::move(b.segments));
+    append(batch.hits, std::move(b.hits));
+    append(batch.next, std::move(b.next));
+  }
+  ShadeOutput out;
+  engine.shade(batch, out);
+  r.next = std::move(out.continuing);
+  r.counts = out.counts;
+  EndsByOwner ends(r);
+  for (const PathEnd& e : out.ended) ends.add(e);
+  if (out.parked.empty()) return r;
+  AskSorter sorter(*work.routing, r);
+  std::vector<std::uint8_t> asked(out.parked.size());
+  std::vector<PartId> parts;
+  for (const ShadowAsk& a : out.asks) {
+    parts.clear();
+    for (std::uint32_t i = 0; i < a.part_count; ++i) parts.emplace_back(out.ask_parts[a.pending + i]);
+    asked[a.parked] = 1;
+    sorter.add(a.ray, out.parked[a.parked], a.contribution, parts);
+  }
+  for (std::size_t i = 0; i < out.parked.size(); ++i)
+    if (!asked[i]) resume(out.parked[i], r, ends);
+  sorter.finish();
+  return r;
+}
+
+WorkResult run(const PathEngine& engine, Work& work, OccludeWork& w) {
+  WorkResult r;
+  std::vector<std::uint8_t> blocked;
+  for (OccludeWork::Asked& a : w.asked) {
+    const std::size_t n = a.block.size();
+    wire::OcclusionReply reply;
+    reply.count = static_cast<std::uint32_t>(n);
+    reply.blocked.resize((n + 63) / 64);
+    std::size_t i = 0;
+    for (const auto& chunk : a.block.chunks) {
+      blocked.assign(chunk->size(), 0);
+      engine.occluded(*chunk, blocked);
+      for (const std::uint8_t b : blocked) {
+        if (b) reply.blocked[i / 64] |= std::uint64_t{1} << (i % 64);
+        ++i;
+      }
+    }
+    r.replies.emplace_back(a.from, wire::Reply{a.id, work.routing->epoch(), std::move(reply)});
+  }
+  return r;
+}
+
+WorkResult run(const PathEngine& engine, Work& work, ResolveWork& w) {
+  WorkResult r;
+  EndsByOwner ends(r);
+  AskSorter sorter(*work.routing, r);
+  std::vector<std::uint8_t> local;
+  std::vector<PartId> parts;
+  for (ResolveWork::Answered& answered : w.answered) {
+    // Without an answer this host tests again what it has got meanwhile.
+    const bool here = !answered.by;
+    const Routing& at = here ? *work.routing : *answered.at;
+    const Routing::Slot by = at.slot(here ? at.self() : answered.by);
+    std::size_t i = 0;
+    for (ParkedAsks& asks : answered.asks) {
+      if (here) {
+        local.assign(asks.size(), 0);
+        engine.occluded(*asks.rays, local);
+      }
+      for (std::size_t k = 0; k < asks.size(); ++k, ++i) {
+        ParkedPath& path = asks.paths[k];
+        const bool blocked = here ? local[k] != 0 : bit(answered.reply.blocked, i);
+        if (!blocked) {
+          parts.clear();
+          for (std::uint32_t p = k == 0 ? 0 : asks.part_end[k - 1]; p < asks.part_end[k]; ++p)
+            if (by == Routing::kNoSlot || !at.holds(by, asks.parts[p])) parts.push_back(asks.parts[p]);
+          if (!parts.empty()) {
+            sorter.add((*asks.rays)[k], path, asks.contributions[k], parts);
+            continue;
+          }
+          for (std::size_t c = 0; c < 3; ++c) path.segment.radiance[c] += asks.contributions[k][c];
+        }
+        resume(path, r, ends);
+      }
+    }
+  }
+  sorter.finish();
+  return r;
+}
+
+WorkResult run(const PathEngine& engine, Work&, CameraWork& w) {
+  WorkResult r;
+  r.next.reserve(w.count);
+  engine.camera(w.range, w.owner, w.first, w.count, r.next);
+  return r;
+}
+
+WorkResult run(const PathEngine&, Work& work, CollectWork& w) {
+  WorkResult r;
+  r.ledgers = std::move(w.ledgers);
+  for (const RendererRange& range : w.opened) r.ledgers.try_emplace(range.task, range, work.film_width);
+  auto ledger = r.ledgers.end();
+  for (const auto& block : w.ends) {
+    for (const PathEnd& e : block) {
+      if (ledger == r.ledgers.end() || ledger->first != e.task) ledger = r.ledgers.find(e.task);
+      if (ledger == r.ledgers.end()) {
+        ++r.unknown;
+        continue;
+      }
+      switch (ledger->second.record(e)) {
+        case RendererLedger::Outcome::counted: break;
+        case RendererLedger::Outcome::duplicate: ++r.duplicates; break;
+        case RendererLedger::Outcome::foreign: ++r.unknown; break;
+      }
+    }
+  }
+  for (auto it = r.ledgers.begin(); it != r.ledgers.end();) {
+    r.remaining.emplace_back(it->first, it->second.remaining());
+    if (it->second.remaining() == 0) {
+      r.completed.push_back(std::move(it->second).reply());
+      it = r.ledgers.erase(it);
+      continue;
+    }
+    if (w.list_missing) r.missing.emplace_back(it->first, it->second.missing());
+    ++it;
+  }
+  return r;
+}
+
+// Loader work is not for the path engine.
+template <class W>
+WorkResult run(const PathEngine&, Work&, W&) {
+  return {};
+}
+
+}  // namespace
+
+WorkResult execute(const PathEngine& engine, Work& work) {
+  return std::visit([&](auto& w) { return run(engine, work, w); }, work.what);
+}
+
+WorkResult execute(PartLoader& loader, Work& work) {
+  WorkResult r;
+  if (auto* start = std::get_if<StartJobWork>(&work.what)) {
+    r.error = loader.start_job(start->job);
+    r.bytes_used = loader.bytes_used();
+  } else if (auto* load = std::get_if<LoadWork>(&work.what)) {
+    for (const PartId p : load->parts) {
+      r.error = loader.load(p);
+      if (!r.error.empty()) break;
+      r.loaded.push_back(p);
+    }
+    r.bytes_used = loader.bytes_used();
+  } else if (auto* unload = std::get_if<UnloadWork>(&work.what)) {
+    for (const PartId p : unload->parts) loader.unload(p);
+    r.unloaded = unload->parts;
+    r.bytes_used = loader.bytes_used();
+  } else if (std::holds_alternative<EndJobWork>(work.what)) {
+    loader.end_job();
+  }
+  return r;
+}
+
+bool is_loader_work(const Work& work) {
+  return std::holds_alternative<StartJobWork>(work.what) || std::holds_alternative<LoadWork>(work.what) ||
+         std::holds_alternative<UnloadWork>(work.what) || std::holds_alternative<EndJobWork>(work.what);
+}
+
+namespace {
+
+template <class List, class F>
+std::size_t total(const List& list, F size_of) {
+  std::size_t n = 0;
+  for (const auto& e : list) n += size_of(e);
+  return n;
+}
+
+}  // namespace
+
+std::size_t Work::segments() const {
+  if (const auto* camera = std::get_if<CameraWork>(&what)) return camera->count;
+  if (const auto* trace = std::get_if<TraceWork>(&what)) {
+    return total(trace->local, [](const auto& e) { return e.size(); }) +
+           total(trace->arrived, [](const auto& e) { return e.block.size(); }) +
+           total(trace->returned, [](const auto& e) {
+             return total(e.kept, [](const auto& k) { return k.segments->size(); });
+           });
+  }
+  if (const auto* shade = std::get_if<ShadeWork>(&what))
+    return total(shade->batches, [](const auto& e) { return e.size(); });
+  return 0;
+}
+
+}  // namespace cloudrenderer

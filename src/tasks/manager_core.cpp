@@ -1,0 +1,329 @@
+// Hosts and parts.
+#include "tasks/manager_core.h"
+
+#include <algorithm>
+
+namespace cloudrenderer {
+namespace {
+
+constexpr std::uint32_t kMaxHost = 0xfffe;  // a path's owner has 16 bits
+constexpr double kUnreachableFactor = 2;    // of lost_after_s: until a host that peers cannot reach is given up
+
+bool can(const wire::Hello& hello, wire::Category category) {
+  return hello.categories().empty() ||
+         std::find(hello.categories().begin(), hello.categories().end(), category) != hello.categories().end();
+}
+
+}  // namespace
+
+ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
+    : options_(options), job_(std::move(job)), film_(job_.frame, job_.k), generation_(options.first_generation) {
+  options_.round_samples = std::max(1u, options_.round_samples);
+  options_.tile = std::clamp(options_.tile, 1u, 128u);
+  progress_.paths_total = job_.frame.pixels() * job_.spp;
+  unassigned_paths_ = progress_.paths_total;
+  for (std::uint32_t r = 0; r < rounds(); ++r)
+    round_left_.push_back(job_.frame.pixels() *
+                          std::min(options_.round_samples, job_.spp - r * options_.round_samples));
+  allowed_rounds_ = options_.hold_rounds ? 1 : rounds();
+}
+
+Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
+  const auto refuse = [](const std::string& why) { return Result<HostId>::failure(why); };
+  if (hello.protocol() != wire::kProtocolVersion)
+    return refuse("this cluster speaks protocol version " + std::to_string(wire::kProtocolVersion) +
+                  ", the host speaks " + std::to_string(hello.protocol()));
+  if (phase_ == Phase::ending || finished()) return refuse("the job is over");
+  if (next_host_ > kMaxHost) return refuse("the job has had too many hosts");
+  if (fingerprint_ && *fingerprint_ != hello.fingerprint()) {
+    if (!options_.allow_inexact && !hello.allow_inexact())
+      return refuse("the host computes other bits than the cluster (numeric fingerprint); --allow-inexact lets it join");
+    bit_exact_ = false;
+  }
+  if (can(hello, wire::TRACER) && hello.memory() < main_bytes())
+    return refuse("the host may use " + std::to_string(hello.memory() >> 20) +
+                  " MiB, but what every host must hold needs " + std::to_string((main_bytes() >> 20) + 1) + " MiB");
+  if (!fingerprint_) fingerprint_ = hello.fingerprint();
+
+  const HostId id(next_host_++);
+  Host& h = hosts_[id];
+  h.hello = hello;
+  h.heard = h.rate_since = now;
+  h.entry.set_host(id.value);
+  h.entry.set_name(hello.name());
+  h.entry.set_address(hello.listen());
+  h.entry.set_incarnation(hello.incarnation());
+  h.entry.set_memory(hello.memory());
+  h.entry.set_threads(hello.threads());
+  reports_[id].hello = hello;
+  reports_[id].joined = now;
+
+  wire::Welcome welcome;
+  welcome.set_host(id.value);
+  welcome.set_incarnation(options_.incarnation);
+  welcome.set_heartbeat_s(options_.heartbeat_s);
+  welcome.set_lost_after_s(options_.lost_after_s);
+  send(id, std::move(welcome));
+  send(id, job_.start);
+  if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
+  if (phase_ != Phase::gathering) place_all(now);
+  return id;
+}
+
+// Orders what a new placement adds to what the hosts hold or are loading.
+void ManagerCore::place_all(double now) {
+  PlacementInput in;
+  in.parts = job_.parts;
+  in.prototype_bytes = job_.prototype_bytes;
+  in.min_replication = options_.replication;
+  in.seed = job_.seed;
+  std::vector<HostId> ids;
+  for (const auto& [id, h] : hosts_) {
+    if (h.leaving || !can(h.hello, wire::TRACER)) continue;
+    PlacementHost host{id, h.hello.memory(), {h.wanted.begin(), h.wanted.end()}, {}};
+    const auto& features = h.hello.features();
+    for (std::size_t p = 0; p < job_.part_features.size() && !features.empty(); ++p)
+      for (const std::string& f : job_.part_features[p])
+        if (std::find(features.begin(), features.end(), f) == features.end())
+          host.cannot.emplace_back(static_cast<std::uint32_t>(p));
+    in.hosts.push_back(std::move(host));
+    ids.push_back(id);
+  }
+  if (ids.empty()) return;
+  const auto placed = place(in);
+  if (!placed) {
+    if (everything_wanted()) return;  // it works without the new host, or with the one that wants to leave
+    if (!no_room_since_) no_room_since_ = now;
+    no_room_ = placed.error();
+    if (now - *no_room_since_ >= options_.wait_for_room_s) fail(no_room_, now);
+    return;
+  }
+  no_room_since_.reset();
+  no_room_.clear();
+  for (std::size_t i = 0; i < ids.size(); ++i) order(ids[i], hosts_.at(ids[i]), (*placed)[i]);
+}
+
+void ManagerCore::order(HostId id, Host& h, std::span<const PartId> parts) {
+  wire::LoadParts m;
+  for (const PartId p : parts)
+    if (h.wanted.insert(p).second) m.add_parts(p.value);
+  if (m.parts_size() != 0) send(id, std::move(m));
+}
+
+// Every part is held by a host that takes part, or (by_leaving) still does.
+bool ManagerCore::everything_held(bool by_leaving) const {
+  std::vector<bool> held(job_.parts.size());
+  std::size_t n = 1;
+  bool someone = false;
+  for (const auto& [id, h] : hosts_) {
+    if (!h.started || (h.leaving && (!by_leaving || h.released != 0))) continue;
+    someone = true;
+    for (const PartId p : h.holds) {
+      if (!held[p.value]) ++n;
+      held[p.value] = true;
+    }
+  }
+  return someone && n >= job_.parts.size();
+}
+
+// Every part has been ordered somewhere.
+bool ManagerCore::everything_wanted() const {
+  std::set<PartId> wanted;
+  for (const auto& [id, h] : hosts_)
+    if (!h.leaving || h.released == 0) wanted.insert(h.wanted.begin(), h.wanted.end());
+  return wanted.size() + 1 >= job_.parts.size();
+}
+
+std::uint64_t ManagerCore::main_bytes() const {
+  std::uint64_t bytes = job_.parts[0].bytes;
+  for (const std::uint32_t p : job_.parts[0].prototypes) bytes += job_.prototype_bytes[p];
+  return bytes;
+}
+
+void ManagerCore::new_map(bool generation) {
+  ++epoch_;
+  if (generation) ++generation_;
+  wire::SceneHostMap map;
+  map.set_epoch(epoch_);
+  map.set_generation(generation_);
+  map.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
+  for (auto& [id, h] : hosts_) {
+    if (!h.started) continue;
+    h.mapped = true;
+    h.mapped_parts = h.holds.size();
+    *map.add_hosts() = h.entry;
+    if (h.leaving && h.released != 0) continue;
+    if (h.holds.empty()) continue;
+    wire::Holding& holding = *map.add_holdings();
+    holding.set_host(id.value);
+    for (const PartId p : h.holds) holding.add_parts(p.value);
+  }
+  for (const auto& [id, h] : hosts_)
+    if (h.mapped) send(id, map);
+}
+
+void ManagerCore::send_host_list() {
+  wire::HostList list;
+  for (const auto& [id, h] : hosts_)
+    if (h.mapped) *list.add_hosts() = h.entry;
+  if (list.hosts_size() < 2) return;
+  for (const auto& [id, h] : hosts_)
+    if (h.mapped) send(id, list);
+}
+
+void ManagerCore::receive(HostId from, wire::Message message, double now) {
+  const auto it = hosts_.find(from);
+  if (it == hosts_.end() || finished()) return void(++progress_.dropped_messages);
+  it->second.heard = now;
+  std::visit([&](auto& m) { handle(from, it->second, m, now); }, message);
+}
+
+void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) {
+  if (m.job() != job_.start.job() || phase_ == Phase::ending) return void(++progress_.dropped_messages);
+  if (!m.error().empty()) {
+    const std::string why = "host " + std::to_string(from.value) + " (" + h.hello.name() + "): " + m.error();
+    remove(from, true, now);
+    if (hosts_.empty()) fail(why, now);
+    return;
+  }
+  h.started = true;
+  for (const std::uint32_t p : m.loaded())
+    if (h.wanted.contains(PartId(p))) h.holds.insert(PartId(p));
+  for (const std::uint32_t p : m.unloaded()) {
+    h.holds.erase(PartId(p));
+    h.wanted.erase(PartId(p));
+  }
+  check_loaded(now);
+}
+
+void ManagerCore::check_loaded(double now) {
+  if (phase_ == Phase::loading && everything_held(true)) return begin_rendering(now);
+  if (phase_ != Phase::rendering) return;
+  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
+    return e.second.complete() && !e.second.leaving &&
+           (!e.second.mapped || e.second.holds.size() != e.second.mapped_parts);
+  });
+  if (more) new_map(false);
+  std::vector<HostId> leaving;
+  for (const auto& [id, h] : hosts_)
+    if (h.leaving) leaving.push_back(id);
+  for (const HostId id : leaving) try_release(id, now);
+  hand_out(now);
+}
+
+void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
+  h.entry.set_load_s(m.load_s());
+  h.entry.set_segments_per_s(m.segments_per_s());
+  for (const std::uint32_t peer : m.unreachable())
+    if (hosts_.contains(HostId(peer)) && HostId(peer) != from) unreachable_since_.try_emplace(HostId(peer), now);
+  reports_[from].last = m;
+  h.final = m.final();
+  h.status = std::move(m);
+  if (h.leaving) return try_release(from, now);
+  check_final(now);
+}
+
+void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
+  if (h.leaving) return;
+  h.leaving = true;
+  h.entry.set_leaving(true);
+  if (phase_ != Phase::gathering) place_all(now);
+  if (!finished()) try_release(from, now);
+}
+
+// A leaving host goes when others hold its parts, and its own renderer tasks and all that it accepted are done. From
+// the epoch of its release on it accepts nothing.
+void ManagerCore::try_release(HostId id, double now) {
+  const auto it = hosts_.find(id);
+  if (it == hosts_.end() || finished()) return;
+  Host& h = it->second;
+  const bool taking_part = phase_ == Phase::rendering && h.mapped;
+  if (taking_part) {
+    if (h.released == 0) {
+      if (!everything_held(false)) return;
+      h.released = epoch_ + 1;
+      new_map(false);
+      return;
+    }
+    if (h.outstanding_tasks != 0 || !h.status.idle() || h.status.epoch() < h.released) return;
+  }
+  wire::JobEnd end;
+  end.set_job(job_.start.job());
+  end.set_reason("the host leaves");
+  send(id, std::move(end));
+  remove(id, false, now);
+}
+
+void ManagerCore::host_lost(HostId host, double now) { remove(host, true, now); }
+
+void ManagerCore::remove(HostId id, bool lost, double now) {
+  const auto it = hosts_.find(id);
+  if (it == hosts_.end()) return;
+  const bool mapped = it->second.mapped;
+  hosts_.erase(it);
+  gone_.push_back(id);
+  unreachable_since_.erase(id);
+  reports_[id].left = now;
+  reports_[id].lost = lost;
+  for (auto o = outstanding_.begin(); o != outstanding_.end();) {
+    if (o->second.host != id) {
+      ++o;
+      continue;
+    }
+    returned_.push_back(o->second.range);
+    unassigned_paths_ += o->second.range.paths();
+    o = outstanding_.erase(o);
+  }
+  if (finished()) return;
+  if (phase_ == Phase::ending) return check_final(now);
+  if (phase_ == Phase::rendering && mapped) new_map(lost);
+  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false)) place_all(now);
+  if (!finished()) check_loaded(now);
+  if (phase_ == Phase::rendering) check_end(now);
+}
+
+void ManagerCore::check_unreachable(double now) {
+  for (auto it = unreachable_since_.begin(); it != unreachable_since_.end();) {
+    const bool still = std::any_of(hosts_.begin(), hosts_.end(), [&](const auto& h) {
+      const auto& list = h.second.status.unreachable();
+      return std::find(list.begin(), list.end(), it->first.value) != list.end();
+    });
+    if (!still) {
+      it = unreachable_since_.erase(it);
+    } else if (now - it->second > kUnreachableFactor * options_.lost_after_s) {
+      return remove(HostId(it->first), true, now);  // the next one at the next tick
+    } else {
+      ++it;
+    }
+  }
+}
+
+void ManagerCore::tick(double now) {
+  next_tick_ = now + 0.5 * options_.heartbeat_s;
+  if (finished()) return;
+  std::vector<HostId> silent;
+  for (const auto& [id, h] : hosts_)
+    if (now - h.heard > options_.lost_after_s) silent.push_back(id);
+  for (const HostId id : silent) remove(id, true, now);
+  check_unreachable(now);
+  if (no_room_since_ && !finished()) place_all(now);
+  if (phase_ == Phase::rendering && now >= next_list_) {
+    next_list_ = now + options_.heartbeat_s;
+    send_host_list();
+  }
+  if (phase_ == Phase::rendering) hand_out(now);
+  check_final(now);
+}
+
+ManagerCore::Progress ManagerCore::progress() const {
+  Progress p = progress_;
+  for (const auto& [id, h] : hosts_) {
+    ++p.hosts;
+    if (!h.complete()) ++p.hosts_loading;
+  }
+  p.epoch = epoch_;
+  p.generation = generation_;
+  return p;
+}
+
+}  // namespace cloudrenderer

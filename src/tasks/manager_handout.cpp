@@ -1,0 +1,207 @@
+// Renderer tasks, the film, the end of the job.
+#include <algorithm>
+#include <cmath>
+
+#include "tasks/manager_core.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr std::uint64_t kSmallestTask = 512;     // paths; less is not worth a message
+constexpr std::uint64_t kDefaultCredits = 131072;
+constexpr std::uint32_t kTasksPerHost = 8;       // at least, by the size of tiles
+
+}  // namespace
+
+void ManagerCore::begin_rendering(double now) {
+  phase_ = Phase::rendering;
+  progress_.render_began = progress_.render_ended = now;
+  const FilmFrame& f = job_.frame;
+  const auto tiles = [&](std::uint32_t extent) { return (extent + tile_ - 1) / tile_; };
+  const std::uint64_t wanted = std::uint64_t{kTasksPerHost} * std::max<std::size_t>(hosts_.size(), options_.min_hosts);
+  for (tile_ = options_.tile;; tile_ /= 2) {
+    tiles_x_ = tiles(f.crop_width());
+    tiles_y_ = tiles(f.crop_height());
+    if (tile_ <= 8 || std::uint64_t{tiles_x_} * tiles_y_ * rounds() >= wanted) break;
+  }
+  for (auto& [id, h] : hosts_) h.rate_since = now;
+  new_map(false);
+  hand_out(now);
+  check_end(now);
+}
+
+// How large a task of this host may be now: at most some seconds of work, and less towards the end, so that no host
+// waits long for the last one.
+std::uint64_t ManagerCore::task_paths(const Host& h, std::size_t hosts) const {
+  std::uint64_t paths = std::uint64_t{tile_} * tile_ * options_.round_samples;
+  if (h.paths_per_s > 0)
+    paths = std::min(paths, static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
+  return std::min(paths, std::max(kSmallestTask, unassigned_paths_ / (4 * hosts)));
+}
+
+void ManagerCore::hand_out(double now) {
+  if (phase_ != Phase::rendering || stopped_ || !everything_held(true)) return;
+  const auto eligible = [](const Host& h) {
+    const auto& c = h.hello.categories();
+    return h.mapped && !h.leaving && (c.empty() || std::find(c.begin(), c.end(), wire::RENDERER) != c.end());
+  };
+  const auto hosts = static_cast<std::size_t>(
+      std::count_if(hosts_.begin(), hosts_.end(), [&](const auto& h) { return eligible(h.second); }));
+  for (bool more = hosts != 0; more;) {  // one each in turn
+    more = false;
+    for (auto& [id, h] : hosts_) {
+      if (!eligible(h)) continue;
+      const std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
+      const std::uint64_t share = std::max(task_paths(h, hosts), unassigned_paths_ / (2 * hosts));
+      if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, share)) continue;
+      const auto range = next_range(task_paths(h, hosts));
+      if (!range) return;
+      if (h.outstanding_tasks == 0 && h.rate_paths == 0) h.rate_since = now;
+      give(id, h, *range);
+      more = true;
+    }
+  }
+}
+
+std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
+  RendererRange r;
+  if (!returned_.empty()) {
+    r = returned_.back();
+    returned_.pop_back();
+  } else {
+    if (round_ >= allowed_rounds_) return std::nullopt;
+    const FilmFrame& f = job_.frame;
+    const std::uint32_t tx = cursor_tile_ % tiles_x_, ty = cursor_tile_ / tiles_x_;
+    r.x0 = f.x0 + tx * tile_;
+    r.y0 = f.y0 + ty * tile_;
+    r.x1 = std::min(f.x1, r.x0 + tile_);
+    r.y1 = std::min(f.y1, r.y0 + tile_);
+    const std::uint32_t first = round_ * options_.round_samples;
+    r.sample_begin = first + cursor_sample_;
+    r.sample_end = std::min(job_.spp, first + options_.round_samples);
+    cursor_sample_ = 0;
+    if (++cursor_tile_ == tiles_x_ * tiles_y_) {
+      cursor_tile_ = 0;
+      ++round_;
+    }
+  }
+  const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
+  const auto samples = static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(r.sample_end - r.sample_begin, std::max<std::uint64_t>(1, paths / pixels)));
+  if (r.sample_begin + samples < r.sample_end) {  // the rest is for the next one
+    RendererRange rest = r;
+    r.sample_end = rest.sample_begin = r.sample_begin + samples;
+    returned_.push_back(rest);
+  }
+  return r;
+}
+
+void ManagerCore::give(HostId id, Host& h, RendererRange range) {
+  range.task = next_task_++;
+  outstanding_[range.task] = {range, id};
+  ++h.outstanding_tasks;
+  h.outstanding_paths += range.paths();
+  unassigned_paths_ -= range.paths();
+  send(id, wire::SubmitTask{{options_.incarnation, next_number_++}, epoch_, generation_, range});
+}
+
+void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
+  const auto* r = std::get_if<wire::RendererReply>(&m.payload);
+  const auto it = r ? outstanding_.find(r->task) : outstanding_.end();
+  if (it == outstanding_.end() || it->second.host != from) return void(++progress_.dropped_messages);
+  const RendererRange range = it->second.range;
+  if (r->sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0))
+    return void(++progress_.dropped_messages);
+  merge(it->second, *r);
+  outstanding_.erase(it);
+  const std::uint64_t paths = range.paths();
+  --h.outstanding_tasks;
+  h.outstanding_paths -= paths;
+  h.rate_paths += paths;
+  if (now > h.rate_since + 1) {
+    h.paths_per_s = static_cast<double>(h.rate_paths) / (now - h.rate_since);
+    if (now > h.rate_since + 10) {  // what was long ago counts less
+      h.rate_since = now - (now - h.rate_since) / 2;
+      h.rate_paths /= 2;
+    }
+  }
+  reports_[from].paths_done += static_cast<double>(paths);
+  progress_.render_ended = now;
+  hand_out(now);
+  check_end(now);
+  if (h.leaving) try_release(from, now);
+}
+
+void ManagerCore::merge(const Outstanding& o, const wire::RendererReply& r) {
+  auto sum = r.sums.begin();
+  for (std::uint32_t y = o.range.y0; y < o.range.y1; ++y)
+    for (std::uint32_t x = o.range.x0; x < o.range.x1; ++x) film_.at(x, y).merge(*sum++);
+  progress_.paths_done += o.range.paths();
+  progress_.invalid_samples += r.invalid;
+  progress_.clamped_samples += r.clamped;
+  round_left_[o.range.sample_begin / options_.round_samples] -= o.range.paths();
+}
+
+bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }
+
+bool ManagerCore::round_complete() const {
+  return options_.hold_rounds && phase_ == Phase::rendering && !stopped_ && allowed_rounds_ < rounds() &&
+         nothing_left() && outstanding_.empty();
+}
+
+void ManagerCore::next_round(double now) {
+  if (!round_complete()) return;
+  ++allowed_rounds_;
+  hand_out(now);
+}
+
+std::uint32_t ManagerCore::complete_samples() const {
+  std::uint32_t r = 0;
+  while (r < round_left_.size() && round_left_[r] == 0) ++r;
+  return std::min(job_.spp, r * options_.round_samples);
+}
+
+void ManagerCore::check_end(double now) {
+  if (phase_ != Phase::rendering || !outstanding_.empty()) return;
+  if (stopped_ || (nothing_left() && allowed_rounds_ >= rounds())) begin_end("", now);
+}
+
+void ManagerCore::stop(double now) {
+  stopped_ = true;
+  if (phase_ == Phase::gathering || phase_ == Phase::loading) return begin_end("stopped", now);
+  check_end(now);
+}
+
+void ManagerCore::cancel(const std::string& reason, double now) {
+  if (phase_ != Phase::ending && !finished()) begin_end(reason, now);
+}
+
+void ManagerCore::begin_end(const std::string& reason, double now) {
+  phase_ = Phase::ending;
+  outstanding_.clear();
+  end_deadline_ = now + options_.end_wait_s;
+  wire::JobEnd end;
+  end.set_job(job_.start.job());
+  end.set_reason(reason);
+  for (const auto& [id, h] : hosts_) send(id, end);
+  check_final(now);
+}
+
+// The counters of every host are in, or are not waited for any more.
+void ManagerCore::check_final(double now) {
+  if (phase_ != Phase::ending) return;
+  const bool all = std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.final; });
+  if (!all && now < end_deadline_) return;
+  phase_ = Phase::done;
+  for (const auto& [id, h] : hosts_) gone_.push_back(id);
+}
+
+void ManagerCore::fail(const std::string& why, double now) {
+  if (finished()) return;
+  error_ = why;
+  begin_end(why, now);
+  phase_ = Phase::failed;
+  for (const auto& [id, h] : hosts_) gone_.push_back(id);
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,447 @@
+#include "wire/bulk_codec.h"
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "wire/codec.h"
+
+namespace cloudrenderer::wire {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "columns are copied as they lie in memory");
+static_assert(sizeof(OcclusionRay) == 28);
+
+// Renderer tasks beyond this are refused: their bookkeeping would be absurdly large.
+constexpr std::uint64_t kMaxTaskPixels = 1u << 16, kMaxTaskPaths = 1u << 26;
+
+class ColumnWriter {
+ public:
+  explicit ColumnWriter(std::span<std::byte> out) : at_(out.data()) {}
+  template <class T>
+  void put(const T& v) {
+    std::memcpy(at_, &v, sizeof v);
+    at_ += sizeof v;
+  }
+  void put_low(const void* v, std::size_t bytes) {
+    std::memcpy(at_, v, bytes);
+    at_ += bytes;
+  }
+
+ private:
+  std::byte* at_;
+};
+
+class ColumnReader {
+ public:
+  explicit ColumnReader(std::span<const std::byte> in) : at_(in.data()) {}
+  template <class T>
+  void get(T& v) {
+    std::memcpy(&v, at_, sizeof v);
+    at_ += sizeof v;
+  }
+  // Sign-extends.
+  std::int64_t get_int(std::size_t bytes) {
+    std::uint64_t v = 0;
+    std::memcpy(&v, at_, bytes);
+    at_ += bytes;
+    const auto shift = static_cast<int>(64 - 8 * bytes);
+    return static_cast<std::int64_t>(v << shift) >> shift;
+  }
+  Int128 get_int128(std::size_t bytes) {
+    if (bytes <= 8) return get_int(bytes);
+    std::uint64_t low;
+    get(low);
+    const std::int64_t high = get_int(bytes - 8);
+    return static_cast<Int128>(high) * (static_cast<Int128>(1) << 64) + low;
+  }
+
+ private:
+  const std::byte* at_;
+};
+
+// Bytes that hold v in two's complement.
+std::uint32_t width_of(std::int64_t v) {
+  const auto magnitude = static_cast<std::uint64_t>(v < 0 ? ~v : v);
+  return static_cast<std::uint32_t>((64 - std::countl_zero(magnitude)) / 8 + 1);
+}
+std::uint32_t width_of(const Int128& v) {
+  const auto high = static_cast<std::int64_t>(v >> 64);
+  const auto low = static_cast<std::int64_t>(static_cast<std::uint64_t>(v));
+  if (high == (low < 0 ? -1 : 0)) return width_of(low);
+  return 8 + width_of(high);
+}
+
+// The bits of all values in one word: its width is the width of the widest.
+struct WidthScan {
+  std::uint64_t bits = 0;
+  void add(const Fixed3& v) {
+    for (std::int64_t c : v) bits |= static_cast<std::uint64_t>(c < 0 ? ~c : c);
+  }
+  std::uint32_t bytes() const { return static_cast<std::uint32_t>((64 - std::countl_zero(bits)) / 8 + 1); }
+};
+
+std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes) {
+  std::size_t n = 12 + 12 + 12 + 4 + 3 * radiance_bytes + 12 + 8;
+  if (columns & kColumnPreviousNormal) n += 12;
+  if (columns & kColumnBestHit) n += 12;
+  if (columns & kColumnTested) n += 10;
+  if (columns & kColumnCone) n += 8;
+  return n;
+}
+std::size_t end_bytes(std::size_t radiance_bytes) { return 16 + 3 * radiance_bytes; }
+std::size_t miss_bytes(const ReplyControl& c) { return c.windows() ? 10 : 8; }
+std::size_t words(std::size_t bits) { return (bits + 63) / 64; }
+
+template <class F>
+void for_segments(const SegmentBlock& block, F f) {
+  for (const auto& chunk : block.chunks)
+    for (const PathSegment& s : *chunk) f(s);
+}
+
+// NaN fails every comparison.
+bool within(float v, float limit) { return v >= -limit && v <= limit; }
+bool within(const Vec3& v, float limit) { return within(v.x, limit) && within(v.y, limit) && within(v.z, limit); }
+bool is_direction(const Vec3& d) {
+  if (!within(d, 2.f)) return false;
+  const float length2 = d.x * d.x + d.y * d.y + d.z * d.z;
+  return length2 > 0.98f && length2 < 1.02f;
+}
+bool at_least_zero(float v) { return v >= 0.f; }
+
+template <class T>
+Result<Message> failure(const T& why) {
+  return Result<Message>::failure(why);
+}
+
+Result<Message> read_segments(SubmitTask m, const SubmitControl& c, std::span<const std::byte> bulk) {
+  const std::uint32_t w = c.radiance_bytes();
+  const ColumnSet columns = c.columns();
+  if (w < 1 || w > 8) return failure("radiance width must be 1 to 8 bytes");
+  if (columns & ~kAllColumns) return failure("unknown segment columns");
+  const std::size_t n = c.count();
+  if (n == 0 || bulk.size() != n * segment_bytes(columns, w)) return failure("segment columns have the wrong length");
+  auto segments = std::make_shared<std::vector<PathSegment>>(n);
+  auto& s = *segments;
+  ColumnReader in(bulk);
+  for (auto& x : s) in.get(x.origin);
+  for (auto& x : s) in.get(x.direction);
+  for (auto& x : s) in.get(x.throughput);
+  for (auto& x : s) in.get(x.previous_pdf);
+  for (auto& x : s)
+    for (auto& r : x.radiance) r = in.get_int(w);
+  if (columns & kColumnPreviousNormal)
+    for (auto& x : s) in.get(x.previous_normal);
+  if (columns & kColumnBestHit) {
+    for (auto& x : s) {
+      in.get(x.best.t);
+      in.get(x.best.shape);
+      in.get(x.best.primitive);
+    }
+  }
+  if (columns & kColumnTested) {
+    for (auto& x : s) in.get(x.tested);
+    for (auto& x : s) in.get(x.window);
+  }
+  for (auto& x : s) in.get(x.task);
+  for (auto& x : s) in.get(x.pixel);
+  for (auto& x : s) in.get(x.sample);
+  for (auto& x : s) in.get(x.owner);
+  for (auto& x : s) in.get(x.vertex);
+  for (auto& x : s) in.get(x.flags);
+  for (auto& x : s) in.get(x.passed);
+  if (columns & kColumnCone) {
+    for (auto& x : s) {
+      in.get(x.cone_width);
+      in.get(x.cone_spread);
+    }
+  }
+  for (const auto& x : s) {
+    if (!within(x.origin, kMaxCoordinate)) return failure("a segment's origin is not finite or too far away");
+    if (!is_direction(x.direction)) return failure("a segment's direction is not of unit length");
+    if (!is_finite(x.throughput) || !at_least_zero(x.previous_pdf) || !is_finite(x.previous_normal) ||
+        !at_least_zero(x.best.t) || !at_least_zero(x.cone_width) || !std::isfinite(x.cone_width) ||
+        !std::isfinite(x.cone_spread))
+      return failure("a segment's state is not finite");
+  }
+  SegmentBlock block;
+  block.columns = columns;
+  block.chunks.push_back(std::move(segments));
+  m.payload = std::move(block);
+  return Message(std::move(m));
+}
+
+Result<Message> read_rays(SubmitTask m, const SubmitControl& c, std::span<const std::byte> bulk) {
+  const std::size_t n = c.count();
+  if (n == 0 || bulk.size() != n * sizeof(OcclusionRay)) return failure("rays have the wrong length");
+  auto rays = std::make_shared<std::vector<OcclusionRay>>(n);
+  std::memcpy(rays->data(), bulk.data(), bulk.size());
+  for (const OcclusionRay& r : *rays) {
+    if (!within(r.origin, kMaxCoordinate)) return failure("a ray's origin is not finite or too far away");
+    if (!is_direction(r.direction)) return failure("a ray's direction is not of unit length");
+    if (!at_least_zero(r.t_max)) return failure("a ray's length is negative or no number");
+  }
+  OcclusionBlock block;
+  block.chunks.push_back(std::move(rays));
+  m.payload = std::move(block);
+  return Message(std::move(m));
+}
+
+bool trailing_bits(std::span<const std::uint64_t> bits, std::size_t count) {
+  return count % 64 != 0 && (bits.back() >> (count % 64)) != 0;
+}
+
+}  // namespace
+
+SubmitControl control_of(const SubmitTask& m) {
+  SubmitControl c;
+  c.mutable_id()->set_origin(m.id.origin);
+  c.mutable_id()->set_number(m.id.number);
+  c.set_epoch(m.epoch);
+  c.set_generation(m.generation);
+  if (const auto* range = std::get_if<RendererRange>(&m.payload)) {
+    c.set_category(RENDERER);
+    c.set_task(range->task);
+    c.set_x0(range->x0);
+    c.set_y0(range->y0);
+    c.set_x1(range->x1);
+    c.set_y1(range->y1);
+    c.set_sample_begin(range->sample_begin);
+    c.set_sample_end(range->sample_end);
+  } else if (const auto* segments = std::get_if<SegmentBlock>(&m.payload)) {
+    WidthScan scan;
+    for_segments(*segments, [&](const PathSegment& s) { scan.add(s.radiance); });
+    c.set_category(TRACER);
+    c.set_count(static_cast<std::uint32_t>(segments->size()));
+    c.set_columns(segments->columns);
+    c.set_radiance_bytes(scan.bytes());
+  } else {
+    c.set_category(INTERSECTION);
+    c.set_count(static_cast<std::uint32_t>(std::get<OcclusionBlock>(m.payload).size()));
+  }
+  return c;
+}
+
+ReplyControl control_of(const Reply& m) {
+  ReplyControl c;
+  c.mutable_id()->set_origin(m.id.origin);
+  c.mutable_id()->set_number(m.id.number);
+  c.set_epoch(m.epoch);
+  if (std::holds_alternative<Refusal>(m.payload)) {
+    c.set_refused(true);
+  } else if (const auto* tracer = std::get_if<TracerReply>(&m.payload)) {
+    c.set_category(TRACER);
+    c.set_count(tracer->count);
+    c.set_misses(static_cast<std::uint32_t>(tracer->tested.size()));
+    c.set_windows(!tracer->windows.empty());
+  } else if (const auto* occlusion = std::get_if<OcclusionReply>(&m.payload)) {
+    c.set_category(INTERSECTION);
+    c.set_count(occlusion->count);
+  } else {
+    const auto& renderer = std::get<RendererReply>(m.payload);
+    std::uint32_t width = 1;
+    for (const PixelSums& p : renderer.sums)
+      for (const auto& half : p.sum)
+        for (const Int128& v : half) width = std::max(width, width_of(v));
+    c.set_category(RENDERER);
+    c.set_count(static_cast<std::uint32_t>(renderer.sums.size()));
+    c.set_task(renderer.task);
+    c.set_sum_bytes(width);
+    c.set_invalid(renderer.invalid);
+    c.set_clamped(renderer.clamped);
+  }
+  return c;
+}
+
+EndsControl control_of(const PathEnds& m) {
+  WidthScan scan;
+  for (const PathEnd& e : m.ends) scan.add(e.radiance);
+  EndsControl c;
+  c.set_generation(m.generation);
+  c.set_count(static_cast<std::uint32_t>(m.ends.size()));
+  c.set_radiance_bytes(scan.bytes());
+  return c;
+}
+
+std::size_t bulk_bytes(const SubmitTask&, const SubmitControl& c) {
+  switch (c.category()) {
+    case TRACER: return c.count() * segment_bytes(c.columns(), c.radiance_bytes());
+    case INTERSECTION: return c.count() * sizeof(OcclusionRay);
+    default: return 0;
+  }
+}
+std::size_t bulk_bytes(const Reply&, const ReplyControl& c) {
+  if (c.refused()) return 0;
+  switch (c.category()) {
+    case TRACER: return 8 * words(c.count()) + miss_bytes(c) * c.misses();
+    case INTERSECTION: return 8 * words(c.count());
+    default: return c.count() * (8 + 6 * std::size_t{c.sum_bytes()});
+  }
+}
+std::size_t bulk_bytes(const PathEnds&, const EndsControl& c) { return c.count() * end_bytes(c.radiance_bytes()); }
+
+void write_bulk(const SubmitTask& m, const SubmitControl& c, std::span<std::byte> out) {
+  ColumnWriter w(out);
+  if (const auto* rays = std::get_if<OcclusionBlock>(&m.payload)) {
+    for (const auto& chunk : rays->chunks) w.put_low(chunk->data(), chunk->size() * sizeof(OcclusionRay));
+    return;
+  }
+  const auto* block = std::get_if<SegmentBlock>(&m.payload);
+  if (!block) return;
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.origin); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.direction); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.throughput); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.previous_pdf); });
+  for_segments(*block, [&](const PathSegment& s) {
+    for (const std::int64_t& r : s.radiance) w.put_low(&r, c.radiance_bytes());
+  });
+  if (block->columns & kColumnPreviousNormal)
+    for_segments(*block, [&](const PathSegment& s) { w.put(s.previous_normal); });
+  if (block->columns & kColumnBestHit) {
+    for_segments(*block, [&](const PathSegment& s) {
+      w.put(s.best.t);
+      w.put(s.best.shape);
+      w.put(s.best.primitive);
+    });
+  }
+  if (block->columns & kColumnTested) {
+    for_segments(*block, [&](const PathSegment& s) { w.put(s.tested); });
+    for_segments(*block, [&](const PathSegment& s) { w.put(s.window); });
+  }
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.task); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.pixel); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.sample); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.owner); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.vertex); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.flags); });
+  for_segments(*block, [&](const PathSegment& s) { w.put(s.passed); });
+  if (block->columns & kColumnCone) {
+    for_segments(*block, [&](const PathSegment& s) {
+      w.put(s.cone_width);
+      w.put(s.cone_spread);
+    });
+  }
+}
+
+void write_bulk(const Reply& m, const ReplyControl& c, std::span<std::byte> out) {
+  ColumnWriter w(out);
+  if (const auto* tracer = std::get_if<TracerReply>(&m.payload)) {
+    w.put_low(tracer->accepted.data(), 8 * words(tracer->count));
+    w.put_low(tracer->tested.data(), 8 * tracer->tested.size());
+    w.put_low(tracer->windows.data(), 2 * tracer->windows.size());
+  } else if (const auto* occlusion = std::get_if<OcclusionReply>(&m.payload)) {
+    w.put_low(occlusion->blocked.data(), 8 * words(occlusion->count));
+  } else if (const auto* renderer = std::get_if<RendererReply>(&m.payload)) {
+    for (const PixelSums& p : renderer->sums) w.put(p.count);
+    for (const PixelSums& p : renderer->sums)
+      for (const auto& half : p.sum)
+        for (const Int128& v : half) w.put_low(&v, c.sum_bytes());
+  }
+}
+
+void write_bulk(const PathEnds& m, const EndsControl& c, std::span<std::byte> out) {
+  ColumnWriter w(out);
+  for (const PathEnd& e : m.ends) w.put(e.task);
+  for (const PathEnd& e : m.ends) w.put(e.pixel);
+  for (const PathEnd& e : m.ends) w.put(e.sample);
+  for (const PathEnd& e : m.ends) w.put(e.owner);
+  for (const PathEnd& e : m.ends) w.put(e.flags);
+  for (const PathEnd& e : m.ends)
+    for (const std::int64_t& r : e.radiance) w.put_low(&r, c.radiance_bytes());
+}
+
+Result<Message> read_submit(const SubmitControl& c, std::span<const std::byte> bulk) {
+  SubmitTask m;
+  m.id = {c.id().origin(), c.id().number()};
+  m.epoch = c.epoch();
+  m.generation = c.generation();
+  switch (c.category()) {
+    case TRACER: return read_segments(std::move(m), c, bulk);
+    case INTERSECTION: return read_rays(std::move(m), c, bulk);
+    case RENDERER: break;
+    default: return failure("tasks of this category are not submitted");
+  }
+  if (!bulk.empty()) return failure("a renderer task has no bulk");
+  const RendererRange r{c.task(), c.x0(), c.y0(), c.x1(), c.y1(), c.sample_begin(), c.sample_end()};
+  if (r.x0 >= r.x1 || r.y0 >= r.y1 || r.sample_begin >= r.sample_end) return failure("an empty renderer task");
+  const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
+  if (pixels > kMaxTaskPixels || pixels * (r.sample_end - r.sample_begin) > kMaxTaskPaths)
+    return failure("a renderer task is too large");
+  m.payload = r;
+  return Message(std::move(m));
+}
+
+Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bulk) {
+  Reply m;
+  m.id = {c.id().origin(), c.id().number()};
+  m.epoch = c.epoch();
+  if (c.refused()) {
+    if (!bulk.empty()) return failure("a refusal has no bulk");
+    return Message(std::move(m));
+  }
+  const std::size_t n = c.count();
+  if (n == 0) return failure("an empty reply");
+  if (c.category() == TRACER) {
+    if (c.misses() > n || bulk.size() != 8 * words(n) + miss_bytes(c) * c.misses())
+      return failure("a reply has the wrong length");
+    TracerReply r;
+    r.count = c.count();
+    r.accepted.resize(words(n));
+    r.tested.resize(c.misses());
+    std::memcpy(r.accepted.data(), bulk.data(), 8 * r.accepted.size());
+    ColumnReader in(bulk.subspan(8 * r.accepted.size()));
+    for (std::uint64_t& t : r.tested) in.get(t);
+    if (c.windows()) r.windows.resize(c.misses());
+    for (std::uint16_t& w : r.windows) in.get(w);
+    std::size_t accepted = 0;
+    for (const std::uint64_t w : r.accepted) accepted += static_cast<std::size_t>(std::popcount(w));
+    if (trailing_bits(r.accepted, n) || accepted + r.tested.size() != n)
+      return failure("a reply's bits do not match its masks");
+    m.payload = std::move(r);
+  } else if (c.category() == INTERSECTION) {
+    if (bulk.size() != 8 * words(n)) return failure("a reply has the wrong length");
+    OcclusionReply r;
+    r.count = c.count();
+    r.blocked.resize(words(n));
+    std::memcpy(r.blocked.data(), bulk.data(), bulk.size());
+    if (trailing_bits(r.blocked, n)) return failure("a reply has bits behind its end");
+    m.payload = std::move(r);
+  } else if (c.category() == RENDERER) {
+    const std::size_t w = c.sum_bytes();
+    if (w < 1 || w > 16 || n > kMaxTaskPixels || bulk.size() != n * (8 + 6 * w))
+      return failure("pixel sums have the wrong length");
+    RendererReply r;
+    r.task = c.task();
+    r.invalid = c.invalid();
+    r.clamped = c.clamped();
+    r.sums.resize(n);
+    ColumnReader in(bulk);
+    for (PixelSums& p : r.sums) in.get(p.count);
+    for (PixelSums& p : r.sums)
+      for (auto& half : p.sum)
+        for (Int128& v : half) v = in.get_int128(w);
+    m.payload = std::move(r);
+  } else {
+    return failure("tasks of this category are not replied");
+  }
+  return Message(std::move(m));
+}
+
+Result<Message> read_ends(const EndsControl& c, std::span<const std::byte> bulk) {
+  const std::size_t n = c.count(), w = c.radiance_bytes();
+  if (w < 1 || w > 8 || n == 0 || bulk.size() != n * end_bytes(w)) return failure("path ends have the wrong length");
+  PathEnds m;
+  m.generation = c.generation();
+  m.ends.resize(n);
+  ColumnReader in(bulk);
+  for (PathEnd& e : m.ends) in.get(e.task);
+  for (PathEnd& e : m.ends) in.get(e.pixel);
+  for (PathEnd& e : m.ends) in.get(e.sample);
+  for (PathEnd& e : m.ends) in.get(e.owner);
+  for (PathEnd& e : m.ends) in.get(e.flags);
+  for (PathEnd& e : m.ends)
+    for (auto& r : e.radiance) r = in.get_int(w);
+  return Message(std::move(m));
+}
+
+}  // namespace cloudrenderer::wire
