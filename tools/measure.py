@@ -30,8 +30,9 @@ class Run:
     report: dict | None = None
 
 
-def run(command, report=False, timeout=3600, check=False, env=None, cwd=None):
-    """Runs a command to its end. With `report`, adds --report and reads it. With `check`, a failure ends the script."""
+def run(command, report=False, timeout=3600, check=False, env=None, cwd=None, watch=None):
+    """Runs a command to its end. With `report`, adds --report and reads it. With `check`, a failure ends the script.
+    `watch` is called with the process id, in a thread, twenty times a second while it runs."""
     command = [str(word) for word in command]
     with tempfile.TemporaryDirectory() as scratch:
         report_path = pathlib.Path(scratch, "report.json")
@@ -47,10 +48,22 @@ def run(command, report=False, timeout=3600, check=False, env=None, cwd=None):
                 timed_out.set()
                 os.killpg(child.pid, signal.SIGKILL)
 
+            ended = threading.Event()
+
+            def look():
+                while not ended.wait(0.05):
+                    watch(child.pid)
+
+            watcher = threading.Thread(target=look) if watch else None
+            if watcher:
+                watcher.start()
             timer = threading.Timer(timeout, stop)
             timer.start()
             _, status, usage = os.wait4(child.pid, 0)
             timer.cancel()
+            ended.set()
+            if watcher:
+                watcher.join()
             wall = time.monotonic() - start
             child.returncode = os.waitstatus_to_exitcode(status)
             output.seek(0)
