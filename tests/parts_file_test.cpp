@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-
 #include <xxhash.h>
 
 #include <cstring>
@@ -91,7 +90,8 @@ TEST(PartFile, FindsChunkAndSourceTriangle) {
 
 TEST(PartFile, LetsEmbreeReadBehindThePositions) {
   const Part part = example().build();
-  const auto* end = reinterpret_cast<const std::byte*>(part.positions.data() + part.positions.size());
+  const auto* end =
+      reinterpret_cast<const std::byte*>(part.positions.data() + part.positions.size());
   EXPECT_LE(end + 16, reinterpret_cast<const std::byte*>(part.normals.data()));
   EXPECT_EQ(reinterpret_cast<std::uintptr_t>(part.positions.data()) % 64, 0u);
 }
@@ -103,10 +103,12 @@ TEST(PartFile, AnEmptyPartIsAPart) {
 }
 
 TEST(PartFile, BuilderRefusesPositionsThatAreNotFinite) {
-  const std::vector<Vec3> p = {{0, 0, 0}, {1, std::numeric_limits<float>::quiet_NaN(), 0}, {0, 1, 0}};
+  const std::vector<Vec3> p = {
+      {0, 0, 0}, {1, std::numeric_limits<float>::quiet_NaN(), 0}, {0, 1, 0}};
   const std::vector<Triangle> t = {{0, 1, 2}}, outside = {{0, 1, 3}};
   EXPECT_THROW(PartBuilder().add_chunk({}, {p, {}, {}, t, {}}), std::invalid_argument);
-  EXPECT_THROW(PartBuilder().add_chunk({}, {std::span(p).first(1), {}, {}, outside, {}}), std::invalid_argument);
+  EXPECT_THROW(PartBuilder().add_chunk({}, {std::span(p).first(1), {}, {}, outside, {}}),
+               std::invalid_argument);
 }
 
 TEST(PartFile, RejectsContentThatIsWrongInItself) {
@@ -140,9 +142,9 @@ TEST(PartFile, RejectsContentThatIsWrongInItself) {
   EXPECT_FALSE(with(at(kChunks, 48), std::uint32_t{1}));   // primitive_ids
   EXPECT_FALSE(with(at(kQuadrics, 0), std::uint32_t{6}));  // kind
   EXPECT_FALSE(with(at(kInstances, 0), std::numeric_limits<float>::infinity()));
-  EXPECT_FALSE(with(64 + 8, std::uint64_t{64}));           // offset of the positions
-  EXPECT_FALSE(with(64 + 16, ~std::uint64_t{0} / 12));     // their count
-  EXPECT_FALSE(with(16, std::uint64_t{1}));                // length of the file
+  EXPECT_FALSE(with(64 + 8, std::uint64_t{64}));        // offset of the positions
+  EXPECT_FALSE(with(64 + 16, ~std::uint64_t{0} / 12));  // their count
+  EXPECT_FALSE(with(16, std::uint64_t{1}));             // length of the file
 }
 
 TEST(PartFile, NoChangeOfBytesCrashesTheReader) {
@@ -166,9 +168,11 @@ TEST(PartFile, NoChangeOfBytesCrashesTheReader) {
       continue;
     }
     for (std::size_t n = below(4) + 1; n > 0; --n) {
-      const std::uint32_t values[] = {0, 1, 4, 64, 0x7fffffff, 0xffffffff, 0xfffffffe, static_cast<std::uint32_t>(random())};
+      const std::uint32_t values[] = {
+          0, 1, 4, 64, 0x7fffffff, 0xffffffff, 0xfffffffe, static_cast<std::uint32_t>(random())};
       const std::uint32_t value = values[below(8)];
-      const std::size_t words = round % 2 ? bytes.size() / 4 : std::min<std::size_t>(bytes.size() / 4, 80);
+      const std::size_t words =
+          round % 2 ? bytes.size() / 4 : std::min<std::size_t>(bytes.size() / 4, 80);
       std::memcpy(bytes.data() + 4 * below(words), &value, 4);
     }
     if (bytes.size() >= 64) {

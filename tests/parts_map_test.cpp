@@ -72,8 +72,9 @@ TEST(PartMap, FindsEveryPartThatARayEnters) {
       const std::size_t n = map.candidates(ray.origin, ray.direction, kInfinity, found);
       ASSERT_LE(n, count);
       for (std::size_t i = 0; i + 1 < n; ++i)
-        ASSERT_TRUE(found[i].t_enter < found[i + 1].t_enter ||
-                    (found[i].t_enter == found[i + 1].t_enter && found[i].part < found[i + 1].part));
+        ASSERT_TRUE(
+            found[i].t_enter < found[i + 1].t_enter ||
+            (found[i].t_enter == found[i + 1].t_enter && found[i].part < found[i + 1].part));
       for (std::uint32_t p = 1; p <= count; ++p) {
         double expected = std::numeric_limits<double>::infinity();
         for (const Bounds3& b : parts[p].boxes) expected = std::min(expected, entry(b, ray));
@@ -90,7 +91,8 @@ TEST(PartMap, FindsEveryPartThatARayEnters) {
         ASSERT_GE(c->t_enter, expected * (1 - 1e-4) - 1e-3);
       }
     }
-    EXPECT_LE(static_cast<double>(extra), 0.001 * static_cast<double>(all) + 2) << count;  // only grazing rays are extra
+    EXPECT_LE(static_cast<double>(extra), 0.001 * static_cast<double>(all) + 2)
+        << count;  // only grazing rays are extra
   }
 }
 
@@ -109,7 +111,8 @@ TEST(PartMap, AShorterRayGivesTheStartOfTheSameList) {
       ASSERT_EQ(cut[i].t_enter, whole[i].t_enter);
     }
     ASSERT_EQ(map.candidates(ray.origin, ray.direction, kInfinity, few), n);  // the count is of all
-    for (std::size_t i = 0; i < std::min<std::size_t>(n, 3); ++i) ASSERT_EQ(few[i].part, whole[i].part);
+    for (std::size_t i = 0; i < std::min<std::size_t>(n, 3); ++i)
+      ASSERT_EQ(few[i].part, whole[i].part);
   }
 }
 
@@ -148,7 +151,8 @@ TEST(PartMap, WithoutPartsThereIsNothing) {
   EXPECT_EQ(only_main.candidates({0, 0, 0}, {1, 0, 0}, kInfinity, c), 0u);
 }
 
-// Not a test of speed, a report of it: a surface over a square, cut into cells as the partition does, and bounce rays.
+// Not a test of speed, a report of it: a surface over a square, cut into cells as the partition
+// does, and bounce rays.
 TEST(PartMap, SaysHowLongARayTakes) {
   for (const int side : {4, 16}) {
     std::mt19937 random(5);
@@ -165,7 +169,8 @@ TEST(PartMap, SaysHowLongARayTakes) {
     const PartMap map(parts);
     std::vector<Ray> rays = random_rays(random, 100000);
     for (Ray& r : rays) {
-      r.origin = Vec3(unit(random) * 2 * static_cast<float>(side), unit(random) * 2 * static_cast<float>(side), 1);
+      r.origin = Vec3(unit(random) * 2 * static_cast<float>(side),
+                      unit(random) * 2 * static_cast<float>(side), 1);
       r.direction.z = std::fabs(r.direction.z);
     }
     std::array<Candidate, 64> c;
@@ -173,8 +178,10 @@ TEST(PartMap, SaysHowLongARayTakes) {
     const auto start = std::chrono::steady_clock::now();
     for (const Ray& r : rays) found += map.candidates(r.origin, r.direction, kInfinity, c);
     const std::chrono::duration<double, std::nano> time = std::chrono::steady_clock::now() - start;
-    std::cout << side * side << " parts x 4 boxes: " << time.count() / static_cast<double>(rays.size())
-              << " ns a ray, " << static_cast<double>(found) / static_cast<double>(rays.size()) << " candidates\n";
+    std::cout << side * side
+              << " parts x 4 boxes: " << time.count() / static_cast<double>(rays.size())
+              << " ns a ray, " << static_cast<double>(found) / static_cast<double>(rays.size())
+              << " candidates\n";
     EXPECT_GT(found, 0u);
   }
 }

@@ -24,7 +24,9 @@ struct Runs {
   std::vector<std::uint32_t> seen;
 };
 
-Runs cut(std::vector<Item>& items, double capacity, const ItemCost& cost = [](const Item&) { return 1.f; }) {
+Runs cut(
+    std::vector<Item>& items, double capacity,
+    const ItemCost& cost = [](const Item&) { return 1.f; }) {
   Runs runs;
   partition(items, cost, capacity, [&](std::span<Item> run) {
     runs.sizes.push_back(run.size());
@@ -76,11 +78,13 @@ TEST(Partition, AnItemLargerThanTheCapacityStandsAlone) {
 TEST(Partition, ARefusedRunIsCutAgain) {
   std::vector<Item> items = scattered(1000, 0.01f);
   std::size_t seen = 0;
-  partition(items, [](const Item&) { return 1.f; }, 100, [&](std::span<Item> run) {
-    if (run.size() > 30) return false;
-    seen += run.size();
-    return true;
-  });
+  partition(
+      items, [](const Item&) { return 1.f; }, 100,
+      [&](std::span<Item> run) {
+        if (run.size() > 30) return false;
+        seen += run.size();
+        return true;
+      });
   EXPECT_EQ(seen, 1000u);
 }
 
@@ -93,7 +97,8 @@ TEST(Partition, NothingIsCutIntoNothing) {
 TEST(TightBoxes, HoldAllAndLeaveEmptySpaceOut) {
   // Two clusters far apart: one box would be nearly all empty.
   std::vector<Item> items = scattered(1000, 0.01f);
-  for (std::size_t i = 0; i < 500; ++i) items[i].box = {items[i].box.min + 100.f, items[i].box.max + 100.f};
+  for (std::size_t i = 0; i < 500; ++i)
+    items[i].box = {items[i].box.min + 100.f, items[i].box.max + 100.f};
   const std::vector<Item> before = items;
   const std::vector<Bounds3> boxes = tight_boxes(items);
   EXPECT_GE(boxes.size(), 4u);
@@ -103,7 +108,8 @@ TEST(TightBoxes, HoldAllAndLeaveEmptySpaceOut) {
   EXPECT_LT(area, 2 * 6 * 2.5f);
   for (const Item& i : before)
     EXPECT_TRUE(std::any_of(boxes.begin(), boxes.end(), [&](const Bounds3& b) {
-      return glm::all(glm::lessThanEqual(b.min, i.box.min)) && glm::all(glm::lessThanEqual(i.box.max, b.max));
+      return glm::all(glm::lessThanEqual(b.min, i.box.min)) &&
+             glm::all(glm::lessThanEqual(i.box.max, b.max));
     }));
 }
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <glm/gtc/matrix_transform.hpp>
 #include <map>
 #include <string>
-#include <glm/gtc/matrix_transform.hpp>
 #include <utility>
 #include <vector>
 
@@ -56,7 +56,9 @@ inline ShapeDesc hills(int n, const Vec3& corner, float size) {
   for (int y = 0; y <= n; ++y)
     for (int x = 0; x <= n; ++x) {
       const Vec2 at = Vec2(x, y) * (size / static_cast<float>(n));
-      p.push_back(corner + Vec3(at.x, at.y, 0.1f * size * std::sin(7 * at.x / size) * std::cos(9 * at.y / size)));
+      p.push_back(
+          corner +
+          Vec3(at.x, at.y, 0.1f * size * std::sin(7 * at.x / size) * std::cos(9 * at.y / size)));
     }
   const auto w = static_cast<std::uint32_t>(n + 1);
   for (std::uint32_t y = 0; y + 1 < w; ++y)
@@ -87,12 +89,15 @@ inline SceneDescription description() {
 // Feeds a scene and finishes it.
 class Feeder {
  public:
-  Feeder(const std::string& folder, std::uint64_t part_size) : splitter_(folder, options(part_size), warnings) {}
+  Feeder(const std::string& folder, std::uint64_t part_size)
+      : splitter_(folder, options(part_size), warnings) {}
   void add(ShapeDesc d, ObjectId object = {}) {
     d.object = object;
     splitter_.sink().shape(std::move(d), scene);
   }
-  void begin(ObjectId id) { splitter_.sink().begin_object(id, "object" + std::to_string(id.value)); }
+  void begin(ObjectId id) {
+    splitter_.sink().begin_object(id, "object" + std::to_string(id.value));
+  }
   void end(ObjectId id) { splitter_.sink().end_object(id); }
   void instance(ObjectId id, const Mat4& to_world) {
     splitter_.sink().instance({id, Transform(to_world), {}}, scene);
@@ -121,11 +126,14 @@ struct Collected {
 };
 
 inline bool holds(const Bounds3& b, const Vec3& p, float slack) {
-  return glm::all(glm::lessThanEqual(b.min - slack, p)) && glm::all(glm::lessThanEqual(p, b.max + slack));
+  return glm::all(glm::lessThanEqual(b.min - slack, p)) &&
+         glm::all(glm::lessThanEqual(p, b.max + slack));
 }
 
-// Reads all parts back and checks what must hold for each: it belongs to the manifest and lies in its boxes.
-inline Collected collect(const std::string& folder, const Manifest& m, bool expand_instances = true) {
+// Reads all parts back and checks what must hold for each: it belongs to the manifest and lies in
+// its boxes.
+inline Collected collect(const std::string& folder, const Manifest& m,
+                         bool expand_instances = true) {
   Collected all;
   std::vector<Part> prototypes;
   for (std::uint32_t p = 0; p < m.prototypes.size(); ++p) {
@@ -141,13 +149,17 @@ inline Collected collect(const std::string& folder, const Manifest& m, bool expa
       for (std::uint32_t i = c.first_triangle; i < c.first_triangle + c.triangle_count; ++i) {
         Corners corners;
         for (int k = 0; k < 3; ++k)
-          corners[static_cast<std::size_t>(k)] = to_world.point(part.positions[part.triangles[i][k]]);
+          corners[static_cast<std::size_t>(k)] =
+              to_world.point(part.positions[part.triangles[i][k]]);
         bool inside = false;
         for (const Bounds3& b : boxes)
-          inside |= holds(b, corners[0], slack) && holds(b, corners[1], slack) && holds(b, corners[2], slack);
+          inside |= holds(b, corners[0], slack) && holds(b, corners[1], slack) &&
+                    holds(b, corners[2], slack);
         EXPECT_TRUE(inside);
         all.duplicates +=
-            !all.triangles.try_emplace({first_shape + c.shape, part.source_primitive(c, i)}, corners).second;
+            !all.triangles
+                 .try_emplace({first_shape + c.shape, part.source_primitive(c, i)}, corners)
+                 .second;
       }
   };
   for (std::uint32_t p = 0; p < m.parts.size(); ++p) {

@@ -25,12 +25,14 @@ class RealScenes : public testing::Test {
     EXPECT_EQ(collected.duplicates, 0u);
     std::uint64_t triangles = 0;
     for (const PartInfo& p : manifest.parts) triangles += p.triangles;
-    for (std::size_t p = 1; p < manifest.parts.size(); ++p) EXPECT_LE(manifest.parts[p].loaded_bytes, part_size);
+    for (std::size_t p = 1; p < manifest.parts.size(); ++p)
+      EXPECT_LE(manifest.parts[p].loaded_bytes, part_size);
     EXPECT_EQ(collected.triangles.size(), triangles);
     EXPECT_EQ(open_split(folder.path("split")).content_hash, manifest.content_hash);
-    std::cout << name << ": " << manifest.total_triangles << " triangles, " << manifest.parts.size() << " parts, "
-              << manifest.prototypes.size() << " prototypes, " << collected.instances << " instances, "
-              << collected.quadrics.size() << " quadrics, " << warnings.list().size() << " warnings\n";
+    std::cout << name << ": " << manifest.total_triangles << " triangles, " << manifest.parts.size()
+              << " parts, " << manifest.prototypes.size() << " prototypes, " << collected.instances
+              << " instances, " << collected.quadrics.size() << " quadrics, "
+              << warnings.list().size() << " warnings\n";
     return true;
   }
   TemporaryFolder folder;
@@ -51,7 +53,8 @@ TEST_F(RealScenes, ArcsphereIsMadeOfInstances) {
 }
 
 TEST_F(RealScenes, BuddhaFractalStoresTheBuddhaOnce) {
-  if (!split("v3/buddha-fractal/buddha-small.pbrt", 4 << 20)) GTEST_SKIP() << "no shared scenes here";
+  if (!split("v3/buddha-fractal/buddha-small.pbrt", 4 << 20))
+    GTEST_SKIP() << "no shared scenes here";
   EXPECT_EQ(collected.instances, 25250u);
   EXPECT_EQ(manifest.prototypes.size(), 1u);
 }

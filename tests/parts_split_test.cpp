@@ -16,8 +16,8 @@ using namespace parts_test;
 Mat4 moved(float x, float y, float z) { return glm::translate(Mat4(1.f), {x, y, z}); }
 
 // The triangles of the shapes as they were given, by (shape, primitive).
-void expect_triangle(const Collected& all, std::uint32_t shape, std::uint32_t primitive, const ShapeDesc& d,
-                     const Transform& to_world = {}) {
+void expect_triangle(const Collected& all, std::uint32_t shape, std::uint32_t primitive,
+                     const ShapeDesc& d, const Transform& to_world = {}) {
   const auto found = all.triangles.find({shape, primitive});
   ASSERT_NE(found, all.triangles.end()) << shape << " " << primitive;
   const auto p = d.params.reals("P");
@@ -28,7 +28,8 @@ void expect_triangle(const Collected& all, std::uint32_t shape, std::uint32_t pr
   }
 }
 
-void expect_mesh(const Collected& all, std::uint32_t shape, const ShapeDesc& d, const Transform& to_world = {}) {
+void expect_mesh(const Collected& all, std::uint32_t shape, const ShapeDesc& d,
+                 const Transform& to_world = {}) {
   const std::size_t n = d.params.integers("indices").size() / 3;
   for (std::uint32_t i = 0; i < n; ++i) expect_triangle(all, shape, i, d, to_world);
 }
@@ -101,12 +102,12 @@ TEST(Split, ASmallSceneIsOnePart) {
 TEST(Split, LargeCheapShapesAndLampsStandInTheMainScene) {
   const TemporaryFolder folder;
   Feeder feed(folder.path(), 64 << 20);
-  feed.add(sphere({0, 0, 0}, 1000.f));                             // the sky, shape 0
-  feed.add(hills(1, {-20, -20, 0}, 40.f));                         // the ground that it hides, 1
+  feed.add(sphere({0, 0, 0}, 1000.f));      // the sky, shape 0
+  feed.add(hills(1, {-20, -20, 0}, 40.f));  // the ground that it hides, 1
   for (int i = 0; i < 100; ++i) feed.add(hills(4, Vec3(i % 10, i / 10, 0), 0.2f));
   ShapeDesc lamp = sphere({0, 0, 5}, 0.1f);
   lamp.area_light = AreaLightId(0);
-  feed.add(std::move(lamp));                                       // 102
+  feed.add(std::move(lamp));  // 102
   const Manifest m = feed.finish();
   const Result<Part> main = read_part_file(part_path(folder.path(), 0));
   ASSERT_TRUE(main);
@@ -127,7 +128,8 @@ TEST(Split, InstancesTakeAsManyShapeIdsAsTheirObjectHasShapes) {
   const TemporaryFolder folder;
   Feeder feed(folder.path(), 100 << 10);
   const ObjectId object(7), unused(8), empty(9);
-  const ShapeDesc a = hills(5, {0, 0, 0}, 1.f), b = hills(3, {0, 0, 1}, 1.f), between = hills(40, {0, 0, 9}, 30.f);
+  const ShapeDesc a = hills(5, {0, 0, 0}, 1.f), b = hills(3, {0, 0, 1}, 1.f),
+                  between = hills(40, {0, 0, 9}, 30.f);
   feed.begin(object);
   feed.add(a, object);
   feed.add(b, object);
@@ -308,7 +310,9 @@ TEST(Split, TakesAlongTheFilesThatTheSceneNames) {
   EXPECT_NE(feed.warnings.list().back().find("missing.png"), std::string::npos);
   std::filesystem::rename(folder.path("out"), folder.path("renamed"));
   const Manifest m = open_split(folder.path("renamed"));
-  const auto name = [&](std::size_t i) { return m.scene.textures[i].params.string("filename", ""); };
+  const auto name = [&](std::size_t i) {
+    return m.scene.textures[i].params.string("filename", "");
+  };
   EXPECT_EQ(name(0), folder.path("renamed/files/a.png"));
   EXPECT_EQ(name(1), folder.path("renamed/files/a-2.png"));
   EXPECT_EQ(name(2), name(0));
@@ -316,6 +320,29 @@ TEST(Split, TakesAlongTheFilesThatTheSceneNames) {
   std::string content;
   std::ifstream(name(1)) >> content;
   EXPECT_EQ(content, "two");
+}
+
+TEST(Split, ReplacesAnEarlierSplitAndNothingElse) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directories(folder.path("parts"));
+  std::ofstream(folder.path("parts/mine.pbrt")) << "# mine";
+  std::ofstream(folder.path("main.pbrt")) << "# mine";
+  SplitOptions text;
+  text.text = true;
+  Warnings warnings;
+  EXPECT_THROW(SceneSplitter(folder.path(), text, warnings), UsageError);
+  for (const std::uint64_t part_size : {100 << 10, 64 << 20}) {
+    Feeder feed(folder.path(), part_size);
+    EXPECT_EQ(std::filesystem::exists(folder.path("main.pbrt")), part_size == 100 << 10);
+    feed.add(hills(80, {0, 0, 0}, 1.f));
+    EXPECT_FALSE(is_split_folder(folder.path()));
+    feed.finish();
+    std::ofstream(folder.path("main.pbrt")) << "# of the split";
+  }
+  EXPECT_TRUE(std::filesystem::exists(part_path(folder.path(), 1)));
+  EXPECT_FALSE(std::filesystem::exists(part_path(folder.path(), 2)));
+  EXPECT_TRUE(std::filesystem::exists(folder.path("parts/mine.pbrt")));
+  EXPECT_THROW(split_scene(folder.path("main.pbrt"), folder.path(), text, warnings), UsageError);
 }
 
 TEST(Split, WhatIsNoSplitFolderIsRefused) {

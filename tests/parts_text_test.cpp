@@ -56,14 +56,18 @@ std::string scene_text(Dialect d) {
 // What the parts hold, without the ids that a new reading gives anew.
 struct Summary {
   std::multiset<std::array<float, 9>> triangles;
-  std::multiset<std::tuple<std::uint32_t, float, float, float, float, float, std::uint32_t, bool, bool>> quadrics;
+  std::multiset<
+      std::tuple<std::uint32_t, float, float, float, float, float, std::uint32_t, bool, bool>>
+      quadrics;
   std::multiset<std::array<float, 16>> instances;
   std::multiset<std::array<float, 3>> normals;
   std::multiset<std::tuple<std::uint32_t, bool, bool, bool, bool, std::string>> chunks;
 };
 
 void add(const Part& part, const Manifest& m, Summary& s) {
-  const auto material = [&](std::uint32_t i) { return i == kNone ? "" : m.scene.materials[i].type; };
+  const auto material = [&](std::uint32_t i) {
+    return i == kNone ? "" : m.scene.materials[i].type;
+  };
   for (const Triangle& t : part.triangles) {
     std::array<float, 9> a;
     for (int k = 0; k < 9; ++k) a[static_cast<std::size_t>(k)] = part.positions[t[k / 3]][k % 3];
@@ -71,12 +75,13 @@ void add(const Part& part, const Manifest& m, Summary& s) {
   }
   for (const Vec3& n : part.normals) s.normals.insert({n.x, n.y, n.z});
   for (const MeshChunk& c : part.chunks)
-    s.chunks.insert({c.triangle_count, c.flip != 0, c.first_uv != kNone, c.alpha_texture != kNone, c.light != kNone,
-                     material(c.material)});
+    s.chunks.insert({c.triangle_count, c.flip != 0, c.first_uv != kNone, c.alpha_texture != kNone,
+                     c.light != kNone, material(c.material)});
   for (const QuadricRecord& r : part.quadrics) {
     const Quadric& q = r.quadric;
-    s.quadrics.insert({static_cast<std::uint32_t>(q.kind), q.radius, q.inner_radius, q.z_min, q.z_max, q.phi_max,
-                       r.flip ^ q.inside_out, r.light != kNone, q.object_to_world.swaps_handedness()});
+    s.quadrics.insert({static_cast<std::uint32_t>(q.kind), q.radius, q.inner_radius, q.z_min,
+                       q.z_max, q.phi_max, r.flip ^ q.inside_out, r.light != kNone,
+                       q.object_to_world.swaps_handedness()});
   }
   for (const InstanceRecord& i : part.instances) {
     std::array<float, 16> a;
@@ -87,8 +92,10 @@ void add(const Part& part, const Manifest& m, Summary& s) {
 
 Summary summary(const std::string& folder, const Manifest& m) {
   Summary s;
-  for (std::uint32_t p = 0; p < m.parts.size(); ++p) add(*read_part_file(part_path(folder, p)), m, s);
-  for (std::uint32_t p = 0; p < m.prototypes.size(); ++p) add(*read_part_file(prototype_path(folder, p)), m, s);
+  for (std::uint32_t p = 0; p < m.parts.size(); ++p)
+    add(*read_part_file(part_path(folder, p)), m, s);
+  for (std::uint32_t p = 0; p < m.prototypes.size(); ++p)
+    add(*read_part_file(prototype_path(folder, p)), m, s);
   return s;
 }
 
@@ -98,10 +105,12 @@ void expect_round_trip(Dialect dialect) {
   SplitOptions options;
   options.text = true;
   Warnings warnings;
-  const Manifest first = split_scene(folder.path("scene.pbrt"), folder.path("a"), options, warnings);
+  const Manifest first =
+      split_scene(folder.path("scene.pbrt"), folder.path("a"), options, warnings);
   EXPECT_EQ(first.scene.dialect, dialect);
   EXPECT_EQ(first.total_triangles, 3u);
-  const Manifest second = split_scene(folder.path("a/main.pbrt"), folder.path("b"), options, warnings);
+  const Manifest second =
+      split_scene(folder.path("a/main.pbrt"), folder.path("b"), options, warnings);
   for (const std::string& w : warnings.list()) ADD_FAILURE() << w;
   EXPECT_EQ(second.scene.dialect, dialect);
   EXPECT_EQ(second.total_triangles, first.total_triangles);
@@ -138,8 +147,10 @@ TEST(SplitText, ACutMeshReadsBackWithTheSameTriangles) {
     splitter.sink().shape(hills(60, {0, 0, 0}, 1.f), scene);
     const Manifest first = splitter.finish(scene);
     ASSERT_GT(first.parts.size(), 5u);
-    const Manifest second = split_scene(folder.path("a/main.pbrt"), folder.path("b"), SplitOptions(), warnings);
-    EXPECT_EQ(summary(folder.path("a"), first).triangles, summary(folder.path("b"), second).triangles);
+    const Manifest second =
+        split_scene(folder.path("a/main.pbrt"), folder.path("b"), SplitOptions(), warnings);
+    EXPECT_EQ(summary(folder.path("a"), first).triangles,
+              summary(folder.path("b"), second).triangles);
     EXPECT_EQ(first.bounds.min, second.bounds.min);
     EXPECT_EQ(first.bounds.max, second.bounds.max);
   }

@@ -123,7 +123,9 @@ std::string encode(const Manifest& m) {
 }
 
 Result<Manifest> decode_manifest(std::span<const std::byte> bytes) {
-  const auto failure = [](const std::string& why) { return Result<Manifest>::failure("manifest: " + why); };
+  const auto failure = [](const std::string& why) {
+    return Result<Manifest>::failure("manifest: " + why);
+  };
   proto::Manifest message;
   if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) ||
       !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))

@@ -53,9 +53,8 @@ MappedFile map_file(const std::string& path) {
   errno = error;
   if (data == MAP_FAILED) fail(path);
   return {{static_cast<const std::byte*>(data), size},
-          std::shared_ptr<const void>(data, [size](const void* p) {
-            ::munmap(const_cast<void*>(p), size);
-          })};
+          std::shared_ptr<const void>(
+              data, [size](const void* p) { ::munmap(const_cast<void*>(p), size); })};
 }
 
 SpoolFile::SpoolFile(const std::string& folder) {
@@ -106,7 +105,8 @@ void SpoolFile::clear() {
   unmap();
   used_ = 0;
   written_ = 0;
-  if (::ftruncate(fd_, 0) != 0 || ::lseek(fd_, 0, SEEK_SET) != 0) fail("temporary file of the split");
+  if (::ftruncate(fd_, 0) != 0 || ::lseek(fd_, 0, SEEK_SET) != 0)
+    fail("temporary file of the split");
 }
 
 void SpoolFile::unmap() {

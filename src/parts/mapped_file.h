@@ -14,8 +14,9 @@ struct MappedFile {
 };
 MappedFile map_file(const std::string& path);
 
-// A temporary file without a name in `folder`: written by appending, read (and changed) through a shared mapping, so
-// that its pages belong to the file and not to the memory of the process. One thread.
+// A temporary file without a name in `folder`: written by appending, read (and changed) through a
+// shared mapping, so that its pages belong to the file and not to the memory of the process. One
+// thread.
 class SpoolFile {
  public:
   explicit SpoolFile(const std::string& folder);

@@ -20,7 +20,8 @@ bool usable(float v) { return std::fabs(v) <= kLargest; }  // false for NaN
 bool usable(const Transform& t) {
   for (int c = 0; c < 4; ++c)
     for (int r = 0; r < 4; ++r)
-      if (!std::isfinite(t.matrix()[c][r]) || !std::isfinite(t.inverse_matrix()[c][r])) return false;
+      if (!std::isfinite(t.matrix()[c][r]) || !std::isfinite(t.inverse_matrix()[c][r]))
+        return false;
   return true;
 }
 
@@ -47,12 +48,14 @@ const char* bad_chunk(const Part& p, const MeshChunk& c, std::uint64_t expected_
   if (c.first_triangle != expected_triangle || c.triangle_count == 0 ||
       !inside(c.first_triangle, c.triangle_count, p.triangles.size()))
     return "chunks do not follow each other";
-  if (!inside(c.first_vertex, c.vertex_count, p.positions.size())) return "chunk vertices out of range";
+  if (!inside(c.first_vertex, c.vertex_count, p.positions.size()))
+    return "chunk vertices out of range";
   if (c.first_normal != kNone && !inside(c.first_normal, c.vertex_count, p.normals.size()))
     return "chunk normals out of range";
   if (c.first_uv != kNone && !inside(c.first_uv, c.vertex_count, p.uvs.size()))
     return "chunk uvs out of range";
-  if (c.primitive_ids != kNone && !inside(c.primitive_ids, c.triangle_count, p.primitive_ids.size()))
+  if (c.primitive_ids != kNone &&
+      !inside(c.primitive_ids, c.triangle_count, p.primitive_ids.size()))
     return "chunk primitive ids out of range";
   if (c.primitive_ids == kNone && std::uint64_t{c.first_primitive} + c.triangle_count > kNone)
     return "chunk primitive numbers overflow";
@@ -93,10 +96,13 @@ const char* bad_content(const Part& p) {
 }  // namespace
 
 Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
-  const auto failure = [](const char* why) { return Result<Part>::failure(std::string("part: ") + why); };
+  const auto failure = [](const char* why) {
+    return Result<Part>::failure(std::string("part: ") + why);
+  };
   constexpr std::size_t kTableEnd = sizeof(Header) + kSectionCount * sizeof(SectionEntry);
   if (bytes.size() < kTableEnd) return failure("too short");
-  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 16 != 0) return failure("bytes are not aligned");
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 16 != 0)
+    return failure("bytes are not aligned");
   Header header;
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kMagic) return failure("not a part file");

@@ -122,11 +122,19 @@ std::uint64_t PartBuilder::predicted_bytes() const {
 }
 
 PartBuilder::Layout PartBuilder::finish() {
-  Layout l{positions_.finish(), normals_.finish(), uvs_.finish(), triangles_.finish(),
-           primitive_ids_.finish(), chunks_.finish(), quadrics_.finish(), instances_.finish(),
-           {}, {}, {}};
-  l.data = {raw(l.positions), raw(l.normals), raw(l.uvs), raw(l.triangles),
-            raw(l.primitive_ids), raw(l.chunks), raw(l.quadrics), raw(l.instances)};
+  Layout l{positions_.finish(),
+           normals_.finish(),
+           uvs_.finish(),
+           triangles_.finish(),
+           primitive_ids_.finish(),
+           chunks_.finish(),
+           quadrics_.finish(),
+           instances_.finish(),
+           {},
+           {},
+           {}};
+  l.data = {raw(l.positions),     raw(l.normals), raw(l.uvs),      raw(l.triangles),
+            raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances)};
   std::uint64_t at = sizeof l.header + sizeof l.table;
   for (std::uint32_t s = 0; s < kSectionCount; ++s) {
     at = align_up(at);
@@ -136,7 +144,8 @@ PartBuilder::Layout PartBuilder::finish() {
   l.header.file_bytes = align_up(at);
   XXH3_state_t* state = XXH3_createState();
   XXH3_64bits_reset(state);
-  l.content([state](std::span<const std::byte> b) { XXH3_64bits_update(state, b.data(), b.size()); });
+  l.content(
+      [state](std::span<const std::byte> b) { XXH3_64bits_update(state, b.data(), b.size()); });
   l.header.checksum = XXH3_64bits_digest(state);
   XXH3_freeState(state);
   return l;
@@ -163,9 +172,7 @@ Part PartBuilder::build() {
   std::shared_ptr<std::byte> block(static_cast<std::byte*>(::operator new(size, alignment)),
                                    [alignment](std::byte* p) { ::operator delete(p, alignment); });
   std::byte* at = block.get();
-  const auto put = [&at](std::span<const std::byte> b) {
-    at = std::copy(b.begin(), b.end(), at);
-  };
+  const auto put = [&at](std::span<const std::byte> b) { at = std::copy(b.begin(), b.end(), at); };
   put(std::as_bytes(std::span(&l.header, 1)));
   l.content(put);
   Result<Part> part = read_part({block.get(), size}, block);

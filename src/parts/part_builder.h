@@ -8,11 +8,13 @@
 
 namespace cloudrenderer {
 
-// Predicted bytes of a loaded part (Embree 3.13, medium quality, measured). All predictions come from here.
+// Predicted bytes of a loaded part (Embree 3.13, medium quality, measured). All predictions come
+// from here.
 namespace loaded_bytes {
 inline constexpr std::uint64_t kBvhTriangle = 67;
-inline constexpr std::uint64_t kBvhUser = 72;     // BVH of one user geometry primitive: a quadric
-inline constexpr std::uint64_t kInstance = 200;   // Embree's instance object and its share of the BVH
+inline constexpr std::uint64_t kBvhUser = 72;  // BVH of one user geometry primitive: a quadric
+inline constexpr std::uint64_t kInstance =
+    200;  // Embree's instance object and its share of the BVH
 }  // namespace loaded_bytes
 
 // Triangles of one shape, with indices from 0 into the vertices given here.
@@ -21,14 +23,17 @@ struct ChunkData {
   std::span<const Vec3> normals;    // empty or one a position
   std::span<const Vec2> uvs;        // likewise
   std::span<const Triangle> triangles;
-  std::span<const std::uint32_t> primitives;  // source number of every triangle; empty: 0, 1, 2, ...
+  std::span<const std::uint32_t>
+      primitives;  // source number of every triangle; empty: 0, 1, 2, ...
 };
 
-// Collects the arrays of one part and writes them as a part file. Arrays spill to disk when large, so memory is bounded.
+// Collects the arrays of one part and writes them as a part file. Arrays spill to disk when large,
+// so memory is bounded.
 class PartBuilder {
  public:
-  // Takes shape, material, light, textures and flip from `attributes`; the rest is filled in. Normals and uvs that are
-  // not finite become 0. Throws std::invalid_argument for a position that is not finite or a wrong index.
+  // Takes shape, material, light, textures and flip from `attributes`; the rest is filled in.
+  // Normals and uvs that are not finite become 0. Throws std::invalid_argument for a position that
+  // is not finite or a wrong index.
   void add_chunk(const MeshChunk& attributes, const ChunkData& data);
   void add_quadric(const QuadricRecord& quadric);
   void add_instance(const InstanceRecord& instance);

@@ -16,7 +16,15 @@ inline constexpr std::uint64_t kPadding = 16;  // readable bytes behind the posi
 inline constexpr float kLargest = 1e18f;
 
 enum Section : std::uint32_t {
-  kPositions, kNormals, kUvs, kTriangles, kPrimitiveIds, kChunks, kQuadrics, kInstances, kSectionCount
+  kPositions,
+  kNormals,
+  kUvs,
+  kTriangles,
+  kPrimitiveIds,
+  kChunks,
+  kQuadrics,
+  kInstances,
+  kSectionCount
 };
 inline constexpr std::array<std::uint32_t, kSectionCount> kElementBytes = {12, 12, 8,   12,
                                                                            4,  56, 204, 136};

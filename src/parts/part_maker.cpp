@@ -17,14 +17,16 @@ void gather(std::vector<T>& out, std::span<const T> from, std::span<const std::u
 
 }  // namespace
 
-PartMaker::PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances, std::uint64_t memory)
+PartMaker::PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
+                     std::uint64_t memory)
     : view_(view),
       instances_(instances),
       chunk_triangles_(static_cast<std::size_t>(
           std::clamp<std::uint64_t>(memory / kWorkBytes, 1024, std::uint64_t{1} << 21))) {}
 
 float PartMaker::cost(const Item& item) const {
-  if (item.source == kInstanceItem) return static_cast<float>(loaded_bytes::kInstance + sizeof(InstanceRecord));
+  if (item.source == kInstanceItem)
+    return static_cast<float>(loaded_bytes::kInstance + sizeof(InstanceRecord));
   return view_.rows[item.source].item_bytes;
 }
 
@@ -40,7 +42,8 @@ void PartMaker::add(std::span<Item> items, PartBuilder& to) {
     }
     const ShapeRow& row = view_.rows[source];
     if (row.quadric != kNone) {
-      to.add_quadric({view_.quadrics[row.quadric], row.shape, row.material, row.light, row.alpha_texture, row.flip});
+      to.add_quadric({view_.quadrics[row.quadric], row.shape, row.material, row.light,
+                      row.alpha_texture, row.flip});
       ++i;
       continue;
     }
@@ -55,12 +58,15 @@ void PartMaker::add_triangles(const ShapeRow& row, std::span<const Item> items, 
   triangles_.clear();
   primitives_.clear();
   for (const Item& item : items) {
-    triangles_.push_back(view_.triangles[static_cast<std::size_t>(row.first_triangle + item.primitive)]);
+    triangles_.push_back(
+        view_.triangles[static_cast<std::size_t>(row.first_triangle + item.primitive)]);
     primitives_.push_back(item.primitive);
   }
   number_vertices();
 
-  const auto at = [](auto span, std::uint64_t first) { return span.subspan(static_cast<std::size_t>(first)); };
+  const auto at = [](auto span, std::uint64_t first) {
+    return span.subspan(static_cast<std::size_t>(first));
+  };
   ChunkData data;
   gather(positions_, at(view_.positions, row.first_vertex), vertices_);
   data.positions = positions_;
@@ -84,7 +90,8 @@ void PartMaker::add_triangles(const ShapeRow& row, std::span<const Item> items, 
   to.add_chunk(chunk, data);
 }
 
-// Renumbers the vertices that triangles_ use, in the order of the source, and lists them in vertices_.
+// Renumbers the vertices that triangles_ use, in the order of the source, and lists them in
+// vertices_.
 void PartMaker::number_vertices() {
   std::uint32_t low = kNone, high = 0;
   for (const Triangle& t : triangles_)

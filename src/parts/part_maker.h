@@ -9,12 +9,13 @@
 
 namespace cloudrenderer {
 
-// Turns items into the chunks, quadrics and instances of a part: one chunk a shape (several for millions of triangles),
-// each vertex that they use once, with its bits as they are.
+// Turns items into the chunks, quadrics and instances of a part: one chunk a shape (several for
+// millions of triangles), each vertex that they use once, with its bits as they are.
 class PartMaker {
  public:
   // `memory`: bytes that making one chunk may use.
-  PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances, std::uint64_t memory);
+  PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
+            std::uint64_t memory);
 
   // Sorts the items by shape and primitive and adds them.
   void add(std::span<Item> items, PartBuilder& to);
@@ -26,7 +27,8 @@ class PartMaker {
     const auto positions = view_.positions.subspan(static_cast<std::size_t>(r.first_vertex));
     for (std::uint64_t i = 0; i < r.triangle_count; ++i) {
       Item item{{}, row, static_cast<std::uint32_t>(i)};
-      if (triangle_box(positions, view_.triangles[static_cast<std::size_t>(r.first_triangle + i)], item.box))
+      if (triangle_box(positions, view_.triangles[static_cast<std::size_t>(r.first_triangle + i)],
+                       item.box))
         sink(item);
     }
   }

@@ -10,8 +10,8 @@ namespace {
 using Lanes = PartMapLanes;
 constexpr std::uint32_t kPartBit = 0x80000000u;
 constexpr float kLargest = std::numeric_limits<float>::max();
-// What a coordinate of a hit may be off by, relative to the largest number that went into it: a few roundings of the
-// box, of the ray's origin and of the tracer's own hit distance.
+// What a coordinate of a hit may be off by, relative to the largest number that went into it: a few
+// roundings of the box, of the ray's origin and of the tracer's own hit distance.
 constexpr float kSlack = 0x1p-20f;
 constexpr float kEarlier = 1.f - 0x1p-20f;  // the same for the distance along the ray
 
@@ -23,7 +23,8 @@ Bounds3 widened(const Bounds3& b) {
 
 // A ray made ready for many box tests. Infinite inverses are clamped, so that no product is NaN.
 struct SlabRay {
-  std::array<float, 3> start, end, inverse;  // the origin, widened against the direction and along it
+  std::array<float, 3> start, end,
+      inverse;  // the origin, widened against the direction and along it
   std::array<bool, 3> up;
   float t_max;
 
@@ -94,9 +95,8 @@ std::uint32_t PartMap::build(std::span<Entry> entries) {
   if (entries.size() <= kLanes) return add_node(entries);
   std::vector<std::span<Entry>> groups{entries};
   while (groups.size() < kLanes) {
-    const auto largest = std::max_element(groups.begin(), groups.end(), [](auto a, auto b) {
-      return a.size() < b.size();
-    });
+    const auto largest = std::max_element(groups.begin(), groups.end(),
+                                          [](auto a, auto b) { return a.size() < b.size(); });
     const std::span<Entry> group = *largest;
     if (group.size() < 2) break;
     Bounds3 centers;
@@ -125,7 +125,9 @@ std::uint32_t PartMap::build(std::span<Entry> entries) {
 std::size_t PartMap::candidates(const Vec3& origin, const Vec3& direction, float t_max,
                                 std::span<Candidate> out) const {
   // Such a ray is never traced; here it would make NaNs.
-  const auto bounded = [](const Vec3& v) { return max_component(glm::abs(v)) <= 1e18f && is_finite(v); };
+  const auto bounded = [](const Vec3& v) {
+    return max_component(glm::abs(v)) <= 1e18f && is_finite(v);
+  };
   if (root_ == kNone || !bounded(origin) || !bounded(direction)) return 0;
   const SlabRay ray(origin, direction, t_max);
   std::size_t found = 0;
@@ -135,12 +137,14 @@ std::size_t PartMap::candidates(const Vec3& origin, const Vec3& direction, float
       ++found;
       if (i == 0) return;
       --i;  // the farthest falls out, if the new one is nearer
-      if (c.t_enter > out[i].t_enter || (c.t_enter == out[i].t_enter && c.part > out[i].part)) return;
+      if (c.t_enter > out[i].t_enter || (c.t_enter == out[i].t_enter && c.part > out[i].part))
+        return;
     } else {
       ++found;
     }
     for (; i > 0 && (c.t_enter < out[i - 1].t_enter ||
-                     (c.t_enter == out[i - 1].t_enter && c.part < out[i - 1].part)); --i)
+                     (c.t_enter == out[i - 1].t_enter && c.part < out[i - 1].part));
+         --i)
       out[i] = out[i - 1];
     out[i] = c;
   };

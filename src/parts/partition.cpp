@@ -75,8 +75,8 @@ struct Cut {
   double score = std::numeric_limits<double>::infinity();
 };
 
-// What a cut is for. Parts: both sides keep a fair share, and cuts that waste room in parts pay for it. Boxes: each box
-// costs the same whatever it holds, so only surface counts.
+// What a cut is for. Parts: both sides keep a fair share, and cuts that waste room in parts pay for
+// it. Boxes: each box costs the same whatever it holds, so only surface counts.
 enum class Goal { parts, boxes };
 
 Cut best_cut(const Histogram& h, double capacity, Goal goal) {
@@ -105,7 +105,8 @@ Cut best_cut(const Histogram& h, double capacity, Goal goal) {
       const double waste = std::ceil(bytes / capacity) + std::ceil(other / capacity) - parts;
       const bool unbalanced = std::min(bytes, other) < least * h.bytes;
       const double sah = half_area(below) * bytes + half_area(above[i]) * other;
-      const double score = unbalanced ? std::fabs(bytes - other) : sah * (1 + 2 * std::max(0.0, waste) / parts);
+      const double score =
+          unbalanced ? std::fabs(bytes - other) : sah * (1 + 2 * std::max(0.0, waste) / parts);
       if (std::pair(unbalanced, score) < std::pair(best.unbalanced, best.score))
         best = {a, i, unbalanced, score};
     }

@@ -8,7 +8,8 @@
 
 namespace cloudrenderer {
 
-// One thing that can be put into a part: a triangle, a quadric or an instance. Stored in temporary files.
+// One thing that can be put into a part: a triangle, a quadric or an instance. Stored in temporary
+// files.
 struct Item {
   Bounds3 box;
   std::uint32_t source = 0;     // row of the table of shapes; kInstanceItem: an instance
@@ -20,15 +21,16 @@ inline constexpr std::uint32_t kInstanceItem = 0xffffffffu;
 // Predicted loaded bytes of an item.
 using ItemCost = std::function<float(const Item&)>;
 
-// Divides items into runs that are compact in space and about `capacity` bytes each, by binned cuts at box centres
-// chosen by the surface area heuristic. Works in place with a fixed amount of memory: the items may be a mapped file of
-// any size. `fits` gets each run of at most `capacity` predicted bytes, may reorder it, and says whether it is
-// accepted; a refused run of more than one item is cut again.
+// Divides items into runs that are compact in space and about `capacity` bytes each, by binned cuts
+// at box centres chosen by the surface area heuristic. Works in place with a fixed amount of
+// memory: the items may be a mapped file of any size. `fits` gets each run of at most `capacity`
+// predicted bytes, may reorder it, and says whether it is accepted; a refused run of more than one
+// item is cut again.
 void partition(std::span<Item> items, const ItemCost& cost, double capacity,
                const std::function<bool(std::span<Item>)>& fits);
 
-// Four to eight boxes (fewer for fewer items) that hold all items' boxes: the top of a bounding volume hierarchy over
-// them. May reorder the items.
+// Four to eight boxes (fewer for fewer items) that hold all items' boxes: the top of a bounding
+// volume hierarchy over them. May reorder the items.
 std::vector<Bounds3> tight_boxes(std::span<Item> items);
 
 }  // namespace cloudrenderer

@@ -18,7 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kFolder = "files/";
-// Calls rename(name, location) for every file that the scene reads; what it returns is the new name.
+// Calls rename(name, location) for every file that the scene reads; what it returns is the new
+// name.
 using Rename = std::function<std::string(const std::string&, const FileLocation&)>;
 
 void rename_files(Entity& entity, const Rename& rename) {
@@ -46,7 +47,8 @@ void rename_files(SceneDescription& scene, const Rename& rename) {
 
 }  // namespace
 
-std::uint64_t collect_files(SceneDescription& scene, const std::string& folder, Warnings& warnings) {
+std::uint64_t collect_files(SceneDescription& scene, const std::string& folder,
+                            Warnings& warnings) {
   std::map<std::string, std::string> copied;        // source -> new name
   std::map<std::uint64_t, std::string> by_content;  // hash -> new name
   std::set<std::string> taken;

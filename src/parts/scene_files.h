@@ -7,9 +7,9 @@
 
 namespace cloudrenderer {
 
-// Copies every file that the scene names (images, measured materials, lens tables) to folder/files, same content once,
-// and makes their names relative to `folder`. Returns a hash of all contents. A file that cannot be read is a warning
-// and keeps its name.
+// Copies every file that the scene names (images, measured materials, lens tables) to folder/files,
+// same content once, and makes their names relative to `folder`. Returns a hash of all contents. A
+// file that cannot be read is a warning and keeps its name.
 std::uint64_t collect_files(SceneDescription& scene, const std::string& folder, Warnings& warnings);
 
 // Makes names that collect_files made relative absolute again.

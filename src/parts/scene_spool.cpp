@@ -20,15 +20,18 @@ PrototypeSpool* SceneSpool::open_prototype() {
   return open_ ? &prototypes_[prototype_of_.at(open_)] : nullptr;
 }
 
-std::uint32_t SceneSpool::take_ids(PrototypeSpool* owner, std::uint32_t count, const FileLocation& location) {
+std::uint32_t SceneSpool::take_ids(PrototypeSpool* owner, std::uint32_t count,
+                                   const FileLocation& location) {
   std::uint32_t& next = owner ? owner->shape_count : next_shape_;
-  if (count >= kNone - next) throw SceneError(location, "more than 2^32 shapes, instanced ones counted");
+  if (count >= kNone - next)
+    throw SceneError(location, "more than 2^32 shapes, instanced ones counted");
   const std::uint32_t first = next;
   next += count;
   return first;
 }
 
-std::uint32_t SceneSpool::texture_index(const ShapeDesc& shape, const char* name, const SceneDescription& scene) {
+std::uint32_t SceneSpool::texture_index(const ShapeDesc& shape, const char* name,
+                                        const SceneDescription& scene) {
   for (; textures_seen_ < scene.textures.size(); ++textures_seen_)
     texture_of_.insert_or_assign(scene.textures[textures_seen_].name,
                                  static_cast<std::uint32_t>(textures_seen_));
@@ -36,7 +39,8 @@ std::uint32_t SceneSpool::texture_index(const ShapeDesc& shape, const char* name
   if (!texture) return kNone;
   const auto found = texture_of_.find(*texture);
   if (found == texture_of_.end()) {
-    warnings_.add(shape.location, "no texture \"" + *texture + "\"; the shape has no " + name + " mask");
+    warnings_.add(shape.location,
+                  "no texture \"" + *texture + "\"; the shape has no " + name + " mask");
     return kNone;
   }
   return found->second;
@@ -70,15 +74,16 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
     row.alpha_texture = texture_index(shape, "alpha", scene);
     row.shadow_alpha_texture = texture_index(shape, "shadowalpha", scene);
     // A constant mask of 0 hides the shape altogether.
-    if (const Param* alpha = shape.params.find("alpha"); alpha && row.alpha_texture == kNone &&
-                                                         alpha->reals.size() == 1 && alpha->reals[0] == 0.f)
+    if (const Param* alpha = shape.params.find("alpha");
+        alpha && row.alpha_texture == kNone && alpha->reals.size() == 1 && alpha->reals[0] == 0.f)
       return;
     std::uint64_t dropped = 0;
     added = spool_.add_mesh(row, mesh->positions.view(), mesh->normals.view(), mesh->uvs.view(),
                             mesh->triangles.view(), dropped);
     if (dropped > 0)
-      warnings_.add(shape.location, std::to_string(dropped) +
-                                        " triangles have vertices that are not finite; they are left out");
+      warnings_.add(shape.location,
+                    std::to_string(dropped) +
+                        " triangles have vertices that are not finite; they are left out");
   } else {
     added = spool_.add_quadric(row, std::get<Quadric>(geometry));
     if (added == kNone) warnings_.add(shape.location, "the shape is not finite; it is left out");
@@ -97,7 +102,8 @@ void SceneSpool::instance(const InstanceDesc& instance, const SceneDescription&)
   const std::uint32_t index = found->second;
   const bool usable = is_finite(instance.instance_to_world.point({1, 1, 1})) &&
                       instance.instance_to_world.is_invertible();
-  if (!usable) warnings_.add(instance.location, "an instance's transform is singular; it is left out");
+  if (!usable)
+    warnings_.add(instance.location, "an instance's transform is singular; it is left out");
   if (PrototypeSpool* outer = open_prototype()) {
     if (usable) nest(*outer, index, instance);
     return;
@@ -106,7 +112,8 @@ void SceneSpool::instance(const InstanceDesc& instance, const SceneDescription&)
   if (usable) instances_.push_back({instance.instance_to_world, index, first});
 }
 
-void SceneSpool::nest(PrototypeSpool& outer, std::uint32_t inner_index, const InstanceDesc& instance) {
+void SceneSpool::nest(PrototypeSpool& outer, std::uint32_t inner_index,
+                      const InstanceDesc& instance) {
   const PrototypeSpool& inner = prototypes_[inner_index];
   const Transform& to_outer = instance.instance_to_world;
   const std::uint32_t first = take_ids(&outer, inner.shape_count, instance.location);

@@ -12,8 +12,8 @@ namespace cloudrenderer {
 
 // An ObjectBegin block as read.
 struct PrototypeSpool {
-  // An instance inside the block that was too large to be copied into it: instances of the block become instances of
-  // this one too.
+  // An instance inside the block that was too large to be copied into it: instances of the block
+  // become instances of this one too.
   struct Nested {
     std::uint32_t prototype = 0;
     Transform to_object;
@@ -27,10 +27,12 @@ struct PrototypeSpool {
   double bytes = 0;               // predicted, of the rows
 };
 
-// Receives a scene while it is parsed, builds the geometry of each shape, numbers it, and puts it into temporary files.
+// Receives a scene while it is parsed, builds the geometry of each shape, numbers it, and puts it
+// into temporary files.
 class SceneSpool : public SceneSink {
  public:
-  // Objects inside objects are copied into the outer one as long as that is at most `flatten_bytes` loaded.
+  // Objects inside objects are copied into the outer one as long as that is at most `flatten_bytes`
+  // loaded.
   SceneSpool(const std::string& folder, double flatten_bytes, Warnings& warnings);
 
   void begin_object(ObjectId id, const std::string& name) override;
@@ -46,7 +48,8 @@ class SceneSpool : public SceneSink {
 
  private:
   std::uint32_t take_ids(PrototypeSpool* owner, std::uint32_t count, const FileLocation& location);
-  std::uint32_t texture_index(const ShapeDesc& shape, const char* name, const SceneDescription& scene);
+  std::uint32_t texture_index(const ShapeDesc& shape, const char* name,
+                              const SceneDescription& scene);
   PrototypeSpool* open_prototype();
   void add_row(PrototypeSpool& owner, std::uint32_t number, const ShapeRow& row);
   void nest(PrototypeSpool& outer, std::uint32_t inner, const InstanceDesc& instance);

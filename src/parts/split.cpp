@@ -13,8 +13,13 @@ namespace cloudrenderer {
 
 namespace fs = std::filesystem;
 
-Manifest split_scene(const std::string& scene_path, const std::string& out_folder, const SplitOptions& options,
-                     Warnings& warnings) {
+Manifest split_scene(const std::string& scene_path, const std::string& out_folder,
+                     const SplitOptions& options, Warnings& warnings) {
+  // An earlier split is removed from the folder; it must not be what is read.
+  std::error_code ignored;
+  const fs::path scene_folder = fs::weakly_canonical(scene_path, ignored).parent_path();
+  if (is_split_folder(out_folder) && scene_folder == fs::weakly_canonical(out_folder, ignored))
+    throw UsageError("the scene is in the folder that the split would replace: " + out_folder);
   SceneSplitter splitter(out_folder, options, warnings);
   ParseOptions parse;
   parse.dialect = options.dialect;

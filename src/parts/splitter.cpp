@@ -22,13 +22,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A shape belongs to the main scene when its box has more than this share of the scene's surface and it is cheap.
+// A shape belongs to the main scene when its box has more than this share of the scene's surface
+// and it is cheap.
 constexpr float kLargeShare = 0.1f;
 constexpr float kCheapBytes = 64 << 10;
 constexpr double kAllCheapBytes = 16 << 20;  // of all such shapes
 constexpr double kEmissiveBytes = 64 << 20;
-// A sky sphere hides that a ground plane is large. When all large shapes together leave less than this share of the
-// surface, the rule is applied again to what is left.
+// A sky sphere hides that a ground plane is large. When all large shapes together leave less than
+// this share of the surface, the rule is applied again to what is left.
 constexpr float kShrinks = 0.25f;
 // Copies of a vertex at the borders of parts come on top of the prediction.
 constexpr double kFill = 0.97;
@@ -41,25 +42,38 @@ std::string scratch_folder(const std::string& out, const SplitOptions& options) 
   return options.scratch.empty() ? out : options.scratch;
 }
 
-// Files of an earlier split, and only those.
-void remove_old_split(const fs::path& folder) {
-  fs::remove(folder / "manifest.bin");
-  fs::remove(folder / "main.pbrt");
+// A folder is an earlier split, complete or not, when it has one of these. Only then anything is
+// removed from it.
+constexpr const char* kManifest = "manifest.bin";
+constexpr const char* kUnfinished = "manifest.tmp";
+
+void prepare_folder(const fs::path& folder, bool text) {
+  fs::create_directories(folder);
+  const bool earlier = fs::exists(folder / kManifest) || fs::exists(folder / kUnfinished);
+  if (!earlier && text && fs::exists(folder / "main.pbrt"))
+    throw UsageError((folder / "main.pbrt").string() + " is there and does not come from a split");
+  std::ofstream(folder / kUnfinished).flush();
+  fs::remove(folder / kManifest);
+  if (earlier) fs::remove(folder / "main.pbrt");
   for (const char* sub : {"parts", "prototypes"}) {
     fs::create_directories(folder / sub);
-    for (const fs::directory_entry& e : fs::directory_iterator(folder / sub))
-      if (e.path().extension() == ".part" || e.path().extension() == ".pbrt") fs::remove(e.path());
+    if (!earlier) continue;
+    for (const fs::directory_entry& e : fs::directory_iterator(folder / sub)) {
+      const std::string stem = e.path().stem().string(), extension = e.path().extension().string();
+      const bool numbered = stem.find_first_not_of("0123456789") == std::string::npos;
+      if (numbered && (extension == ".part" || extension == ".pbrt")) fs::remove(e.path());
+    }
   }
 }
 
 // Written under another name first: a split folder is complete or has no manifest.
 void write_manifest(const std::string& folder, const std::string& bytes) {
-  const fs::path path = fs::path(folder) / "manifest.bin", temporary = fs::path(folder) / "manifest.tmp";
+  const fs::path temporary = fs::path(folder) / kUnfinished;
   std::ofstream file(temporary, std::ios::binary);
   file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   file.close();
   if (!file) throw std::system_error(errno, std::generic_category(), temporary.string());
-  fs::rename(temporary, path);
+  fs::rename(temporary, fs::path(folder) / kManifest);
 }
 
 }  // namespace
@@ -67,9 +81,15 @@ void write_manifest(const std::string& folder, const std::string& bytes) {
 class SceneSplitter::Work {
  public:
   Work(const std::string& out, const SplitOptions& options, Warnings& warnings)
-      : out_(out), options_(options), warnings_(warnings), scratch_(scratch_folder(out, options)),
-        scene_(scratch_, std::min(kFlattenBytes, kLargePrototype * static_cast<double>(options.part_size)), warnings),
-        records_(scratch_), items_(scratch_) {}
+      : out_(out),
+        options_(options),
+        warnings_(warnings),
+        scratch_(scratch_folder(out, options)),
+        scene_(scratch_,
+               std::min(kFlattenBytes, kLargePrototype * static_cast<double>(options.part_size)),
+               warnings),
+        records_(scratch_),
+        items_(scratch_) {}
 
   SceneSink& sink() { return scene_; }
   Manifest finish(SceneDescription description);
@@ -98,8 +118,8 @@ class SceneSplitter::Work {
   Warnings& warnings_;
   std::string scratch_;
   SceneSpool scene_;
-  SpoolArray<InstanceRecord> records_;  // instances of blobs in the world
-  SpoolArray<Item> items_;              // instances first, then triangles and quadrics
+  SpoolArray<InstanceRecord> records_;      // instances of blobs in the world
+  SpoolArray<Item> items_;                  // instances first, then triangles and quadrics
   std::vector<std::vector<Piece>> pieces_;  // by prototype as read
   std::vector<bool> in_main_;               // by row
   std::vector<std::uint64_t> checksums_;
@@ -117,7 +137,8 @@ Manifest SceneSplitter::Work::finish(SceneDescription description) {
 
   checksums_.push_back(collect_files(manifest_.scene, out_, warnings_));
   checksums_.push_back(manifest_hash(manifest_));
-  manifest_.content_hash = XXH3_64bits(checksums_.data(), checksums_.size() * sizeof(std::uint64_t));
+  manifest_.content_hash =
+      XXH3_64bits(checksums_.data(), checksums_.size() * sizeof(std::uint64_t));
   if (options_.text) write_text(out_, manifest_);
   write_manifest(out_, encode(manifest_));
   make_file_names_absolute(manifest_.scene, out_);
@@ -137,14 +158,16 @@ void SceneSplitter::Work::write_prototypes() {
   pieces_.resize(prototypes.size());
   for (std::uint32_t p = 0; p < prototypes.size(); ++p) {
     if (uses[p] == 0) continue;
-    const bool large = prototypes[p].bytes > kLargePrototype * static_cast<double>(options_.part_size);
+    const bool large =
+        prototypes[p].bytes > kLargePrototype * static_cast<double>(options_.part_size);
     if (large && uses[p] == 1 && world_uses[p] == 1)
       move_into_world(p);
     else
       write_prototype(p);
     for (const PrototypeSpool::Nested& n : prototypes[p].nested)
       for (const Piece& piece : pieces_[n.prototype])
-        pieces_[p].push_back({piece.blob, n.first_shape + piece.first_shape, n.to_object * piece.to_object});
+        pieces_[p].push_back(
+            {piece.blob, n.first_shape + piece.first_shape, n.to_object * piece.to_object});
   }
 }
 
@@ -152,7 +175,8 @@ void SceneSplitter::Work::write_prototype(std::uint32_t index) {
   const PrototypeSpool& prototype = scene_.prototypes()[index];
   PartMaker make = maker();
   SpoolArray<Item> file(scratch_);
-  for (const std::uint32_t row : prototype.rows) make.items_of(row, [&](const Item& i) { file.push_back(i); });
+  for (const std::uint32_t row : prototype.rows)
+    make.items_of(row, [&](const Item& i) { file.push_back(i); });
   const std::span<Item> items = file.map();
   const bool split = prototype.bytes > kLargePrototype * static_cast<double>(options_.part_size);
   const double room = split ? capacity() : std::numeric_limits<double>::max();
@@ -176,7 +200,8 @@ void SceneSplitter::Work::write_prototype(std::uint32_t index) {
     pieces_[index].push_back({blob, 0, Transform()});
     return true;
   };
-  partition(items, [&](const Item& i) { return make.cost(i); }, room, write);
+  partition(
+      items, [&](const Item& i) { return make.cost(i); }, room, write);
 }
 
 // The only instance of a very large object: its shapes become shapes of the world.
@@ -198,10 +223,11 @@ void SceneSplitter::Work::expand_instances() {
   std::uint64_t count = 0;
   for (const InstanceRecord& i : scene_.instances().map())
     for (const Piece& piece : pieces_[i.prototype]) {
-      const InstanceRecord record{i.to_world * piece.to_object, piece.blob, i.first_shape + piece.first_shape};
+      const InstanceRecord record{i.to_world * piece.to_object, piece.blob,
+                                  i.first_shape + piece.first_shape};
       if (count >= kNone) throw SceneError({}, "more than 2^32 instances");
-      const Item item{grown(manifest_.prototypes[piece.blob].bounds.transformed(record.to_world)), kInstanceItem,
-                      static_cast<std::uint32_t>(count)};
+      const Item item{grown(manifest_.prototypes[piece.blob].bounds.transformed(record.to_world)),
+                      kInstanceItem, static_cast<std::uint32_t>(count)};
       if (!is_finite(item.box.min) || !is_finite(item.box.max)) continue;
       ++count;
       records_.push_back(record);
@@ -221,7 +247,8 @@ std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
       emissive += rows[r].bytes();
     }
   if (emissive > kEmissiveBytes)
-    warnings_.add({}, "shapes that emit light take " + std::to_string(static_cast<std::uint64_t>(emissive) >> 20) +
+    warnings_.add({}, "shapes that emit light take " +
+                          std::to_string(static_cast<std::uint64_t>(emissive) >> 20) +
                           " MiB on every host");
   manifest_.bounds = instance_box_;
   for (const ShapeRow& row : rows)
@@ -252,7 +279,8 @@ std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
 void SceneSplitter::Work::write_main_scene(const std::vector<std::uint32_t>& rows) {
   PartMaker make = maker();
   SpoolArray<Item> items(scratch_);
-  for (const std::uint32_t row : rows) make.items_of(row, [&](const Item& i) { items.push_back(i); });
+  for (const std::uint32_t row : rows)
+    make.items_of(row, [&](const Item& i) { items.push_back(i); });
   write_part(items.map(), make, true);
 }
 
@@ -262,8 +290,9 @@ void SceneSplitter::Work::write_world() {
   for (std::uint32_t r = 0; r < rows.size(); ++r)
     if (rows[r].prototype == kNone && !in_main_[r])
       make.items_of(r, [&](const Item& i) { items_.push_back(i); });
-  partition(items_.map(), [&](const Item& i) { return make.cost(i); }, capacity(),
-            [&](std::span<Item> run) { return write_part(run, make, run.size() == 1); });
+  partition(
+      items_.map(), [&](const Item& i) { return make.cost(i); }, capacity(),
+      [&](std::span<Item> run) { return write_part(run, make, run.size() == 1); });
 }
 
 bool SceneSplitter::Work::write_part(std::span<Item> items, PartMaker& make, bool accept_any) {
@@ -279,7 +308,8 @@ bool SceneSplitter::Work::write_part(std::span<Item> items, PartMaker& make, boo
     if (i.source == kInstanceItem) prototypes.insert(records[i.primitive].prototype);
   info.prototypes.assign(prototypes.begin(), prototypes.end());
   info.boxes = tight_boxes(items);
-  const PartBuilder::File file = builder.write(part_path(out_, static_cast<std::uint32_t>(manifest_.parts.size())));
+  const PartBuilder::File file =
+      builder.write(part_path(out_, static_cast<std::uint32_t>(manifest_.parts.size())));
   info.file_bytes = file.bytes;
   checksums_.push_back(file.checksum);
   manifest_.total_triangles += info.triangles;
@@ -287,10 +317,10 @@ bool SceneSplitter::Work::write_part(std::span<Item> items, PartMaker& make, boo
   return true;
 }
 
-SceneSplitter::SceneSplitter(const std::string& out_folder, const SplitOptions& options, Warnings& warnings) {
+SceneSplitter::SceneSplitter(const std::string& out_folder, const SplitOptions& options,
+                             Warnings& warnings) {
   if (options.part_size == 0) throw UsageError("the part size must be larger than 0");
-  fs::create_directories(out_folder);
-  remove_old_split(out_folder);
+  prepare_folder(out_folder, options.text);
   work_ = std::make_unique<Work>(out_folder, options, warnings);
 }
 

@@ -9,8 +9,9 @@
 
 namespace cloudrenderer {
 
-// The two halves of split_scene, for scenes that do not come from a file: feed sink(), then finish. Makes the folder,
-// and removes the files of an earlier split from it. Temporary files go away with the splitter.
+// The two halves of split_scene, for scenes that do not come from a file: feed sink(), then finish.
+// Makes the folder, and removes the files of an earlier split from it. Temporary files go away with
+// the splitter.
 class SceneSplitter {
  public:
   SceneSplitter(const std::string& out_folder, const SplitOptions& options, Warnings& warnings);

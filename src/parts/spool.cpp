@@ -23,11 +23,12 @@ void append_moved(SpoolArray<T>& to, std::span<const T> from, const Move& move) 
 }
 
 float triangle_bytes(std::size_t vertices, std::size_t triangles, bool normals, bool uvs) {
-  const auto vertex = static_cast<double>(sizeof(Vec3) + (normals ? sizeof(Vec3) : 0) + (uvs ? sizeof(Vec2) : 0));
+  const auto vertex =
+      static_cast<double>(sizeof(Vec3) + (normals ? sizeof(Vec3) : 0) + (uvs ? sizeof(Vec2) : 0));
   const double shared = static_cast<double>(vertices) / static_cast<double>(triangles);
-  return static_cast<float>(static_cast<double>(loaded_bytes::kBvhTriangle + sizeof(Triangle) +
-                                                sizeof(std::uint32_t)) +
-                            std::min(3.0, shared) * vertex);
+  return static_cast<float>(
+      static_cast<double>(loaded_bytes::kBvhTriangle + sizeof(Triangle) + sizeof(std::uint32_t)) +
+      std::min(3.0, shared) * vertex);
 }
 
 }  // namespace
@@ -50,11 +51,16 @@ Bounds3 grown(const Bounds3& box) {
 }
 
 Spool::Spool(const std::string& folder)
-    : rows_(folder), positions_(folder), normals_(folder), uvs_(folder), triangles_(folder), quadrics_(folder) {}
+    : rows_(folder),
+      positions_(folder),
+      normals_(folder),
+      uvs_(folder),
+      triangles_(folder),
+      quadrics_(folder) {}
 
-std::uint32_t Spool::add_mesh(ShapeRow& row, std::span<const Vec3> positions, std::span<const Vec3> normals,
-                              std::span<const Vec2> uvs, std::span<const Triangle> triangles,
-                              std::uint64_t& dropped) {
+std::uint32_t Spool::add_mesh(ShapeRow& row, std::span<const Vec3> positions,
+                              std::span<const Vec3> normals, std::span<const Vec2> uvs,
+                              std::span<const Triangle> triangles, std::uint64_t& dropped) {
   row.box = {};
   std::uint64_t kept = 0;
   for (const Triangle& t : triangles) {
@@ -71,7 +77,8 @@ std::uint32_t Spool::add_mesh(ShapeRow& row, std::span<const Vec3> positions, st
   row.first_uv = uvs.empty() ? ShapeRow::kNoArray : uvs_.size();
   row.first_triangle = triangles_.size();
   row.triangle_count = triangles.size();
-  row.item_bytes = triangle_bytes(positions.size(), triangles.size(), !normals.empty(), !uvs.empty());
+  row.item_bytes =
+      triangle_bytes(positions.size(), triangles.size(), !normals.empty(), !uvs.empty());
   positions_.append(positions);
   normals_.append(normals);
   uvs_.append(uvs);
@@ -82,7 +89,9 @@ std::uint32_t Spool::add_mesh(ShapeRow& row, std::span<const Vec3> positions, st
 
 std::uint32_t Spool::add_quadric(ShapeRow& row, const Quadric& quadric) {
   row.box = grown(world_bounds(quadric));
-  const auto bounded = [](const Vec3& v) { return max_component(glm::abs(v)) <= part_format::kLargest; };
+  const auto bounded = [](const Vec3& v) {
+    return max_component(glm::abs(v)) <= part_format::kLargest;
+  };
   if (row.box.empty() || !bounded(row.box.min) || !bounded(row.box.max)) return kNone;
   row.quadric = static_cast<std::uint32_t>(quadrics_.size());
   row.item_bytes = static_cast<float>(loaded_bytes::kBvhUser + sizeof(QuadricRecord));
@@ -97,7 +106,8 @@ std::uint32_t Spool::add_moved(const View& view, const ShapeRow& source, const T
   row = source;
   row.shape = shape;
   row.prototype = prototype;
-  // The moved normal must be the normal of the moved shape: a mirroring turns the cross product of the edges.
+  // The moved normal must be the normal of the moved shape: a mirroring turns the cross product of
+  // the edges.
   row.flip = source.flip ^ (to.swaps_handedness() ? 1u : 0u);
   if (source.quadric != kNone) {
     Quadric q = view.quadrics[source.quadric];
@@ -129,7 +139,8 @@ std::uint32_t Spool::add_moved(const View& view, const ShapeRow& source, const T
 }
 
 Spool::View Spool::map() {
-  return {rows_.map(), positions_.map(), normals_.map(), uvs_.map(), triangles_.map(), quadrics_.map()};
+  return {rows_.map(), positions_.map(), normals_.map(),
+          uvs_.map(),  triangles_.map(), quadrics_.map()};
 }
 
 }  // namespace cloudrenderer

@@ -44,13 +44,17 @@ class Spool {
   };
 
   explicit Spool(const std::string& folder);
-  // Both take the ids from `row`, fill in the rest and return the number of the new row, or none when there is nothing
-  // in it. `dropped` counts triangles that are not finite: they are in no part.
-  std::uint32_t add_mesh(ShapeRow& row, std::span<const Vec3> positions, std::span<const Vec3> normals,
-                         std::span<const Vec2> uvs, std::span<const Triangle> triangles, std::uint64_t& dropped);
+  // Both take the ids from `row`, fill in the rest and return the number of the new row, or none
+  // when there is nothing in it. `dropped` counts triangles that are not finite: they are in no
+  // part.
+  std::uint32_t add_mesh(ShapeRow& row, std::span<const Vec3> positions,
+                         std::span<const Vec3> normals, std::span<const Vec2> uvs,
+                         std::span<const Triangle> triangles, std::uint64_t& dropped);
   std::uint32_t add_quadric(ShapeRow& row, const Quadric& quadric);
-  // A copy of a shape of `view`, moved; only shape and prototype of `row` count, the rest is filled in.
-  std::uint32_t add_moved(const View& view, const ShapeRow& source, const Transform& to, ShapeRow& row);
+  // A copy of a shape of `view`, moved; only shape and prototype of `row` count, the rest is filled
+  // in.
+  std::uint32_t add_moved(const View& view, const ShapeRow& source, const Transform& to,
+                          ShapeRow& row);
   View map();
 
  private:
@@ -63,7 +67,8 @@ class Spool {
 
 // Box of a triangle; false when it is not fit for tracing.
 bool triangle_box(std::span<const Vec3> positions, const Triangle& t, Bounds3& box);
-// A box grown by a few roundings of its coordinates, for shapes whose hits are computed in another space.
+// A box grown by a few roundings of its coordinates, for shapes whose hits are computed in another
+// space.
 Bounds3 grown(const Bounds3& box);
 
 }  // namespace cloudrenderer

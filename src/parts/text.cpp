@@ -71,8 +71,8 @@ class PartText {
   }
 
   void mesh(const Part& part, const MeshChunk& c) {
-    // Vertices are in world space already, so that nothing but ReverseOrientation turns a normal. It turns those of
-    // the vertices as well, which have been turned.
+    // Vertices are in world space already, so that nothing but ReverseOrientation turns a normal.
+    // It turns those of the vertices as well, which have been turned.
     begin_shape(c.material, c.light, c.flip != 0);
     out_ << "Shape \"trianglemesh\"\n  \"integer indices\" [\n";
     for (const Triangle& t : part.triangles.subspan(c.first_triangle, c.triangle_count)) {
@@ -106,9 +106,11 @@ class PartText {
   void quadric(const QuadricRecord& record) {
     const Quadric& q = record.quadric;
     const bool mirrored = q.object_to_world.swaps_handedness();
-    const bool inside_out = mirrored && manifest_.scene.dialect == Dialect::v3;  // what a reader will make of it
+    const bool inside_out =
+        mirrored && manifest_.scene.dialect == Dialect::v3;  // what a reader will make of it
     begin_shape(record.material, record.light,
-                (record.flip != 0) != mirrored ? inside_out == (q.inside_out != 0) : inside_out != (q.inside_out != 0));
+                (record.flip != 0) != mirrored ? inside_out == (q.inside_out != 0)
+                                               : inside_out != (q.inside_out != 0));
     write_transform(out_, q.object_to_world);
     const auto shape = [&](const char* type) { out_ << "Shape \"" << type << "\"\n"; };
     switch (q.kind) {
