@@ -65,7 +65,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   lights_ = Lights::build(manifest.scene, manifest.shape_lights, main_part, manifest.bounds, warnings);
   hittable_lights_ = lights_->has_infinite() || !manifest.shape_lights.empty();
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings);
-  filter_ = Filter::build(manifest.scene.filter, warnings);
+  filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
   resident.load_part(PartId{0}, std::move(main_part));
 }
 

@@ -30,6 +30,13 @@ float power_weight(float a, float b) {
   return a2 / (a2 + b2);
 }
 
+// The side whose light matters (see Lights::sample).
+Vec3 lit_side(const Bsdf& bsdf, const Vec3& ns, const Vec3& wo) {
+  for (int i = 0; i < bsdf.lobe_count(); ++i)
+    if (bsdf.lobe(i).transmits || bsdf.lobe(i).kind == LobeKind::microfacet_dielectric) return Vec3(0.f);
+  return glm::dot(ns, wo) < 0.f ? -ns : ns;
+}
+
 }  // namespace
 
 // Light that arrives if its ray is free.
@@ -90,7 +97,8 @@ struct PathTracer::Shader {
   void end();
   void next(const SurfacePoint& p, const Vec3& direction);
   void occlusion(SurfacePoint& p, const SampleSequence& sequence);
-  void direct(const SurfacePoint& p, const Bsdf& bsdf, const Vec3& wo, const SampleSequence& sequence, std::uint32_t base);
+  void direct(const SurfacePoint& p, const Vec3& side, const Bsdf& bsdf, const Vec3& wo, const SampleSequence& sequence,
+              std::uint32_t base);
 };
 
 SurfacePoint PathTracer::Shader::surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light,
@@ -180,8 +188,7 @@ void PathTracer::Shader::escape() {
   if (lights.has_infinite() && tracer.job_.integrator != IntegratorKind::ambient_occlusion) {
     if (s.flags & kSpecularBounce) {
       if (s.vertex <= tracer.job_.emission_vertex) {
-        float unused;
-        add(s.throughput * lights.escaped(s.origin, s.previous_normal, s.direction, unused));
+        add(s.throughput * lights.escaped(s.direction));
       }
     } else {
       float pdf;
@@ -203,10 +210,10 @@ void PathTracer::Shader::occlusion(SurfacePoint& p, const SampleSequence& sequen
 }
 
 // Light that arrives from a chosen point of a light, weighted against finding it by the BSDF's sample (Veach 1995).
-void PathTracer::Shader::direct(const SurfacePoint& p, const Bsdf& bsdf, const Vec3& wo, const SampleSequence& sequence,
-                                std::uint32_t base) {
+void PathTracer::Shader::direct(const SurfacePoint& p, const Vec3& side, const Bsdf& bsdf, const Vec3& wo,
+                                const SampleSequence& sequence, std::uint32_t base) {
   LightSample sample;
-  if (!tracer.lights_->sample(p.p, p.ns, sequence.get_1d(base + kLightChoice), sequence.get_2d(base + kLightPoint), sample)) return;
+  if (!tracer.lights_->sample(p.p, side, sequence.get_1d(base + kLightChoice), sequence.get_2d(base + kLightPoint), sample)) return;
   if (!(sample.pdf > 0.f)) return;
   float pdf = 0;
   const Rgb f = bsdf.eval_cos(wo, sample.wi, pdf);
@@ -255,7 +262,8 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const SampleSequence sequence(job.sequence, job.seed, s.pixel, s.sample);
   const std::uint32_t base = kCameraDimensions + kVertexDimensions * s.vertex;
   const bool lit = bsdf.has_smooth() && !tracer.lights_->empty();
-  if (lit) direct(p, bsdf, wo, sequence, base);
+  const Vec3 side = lit_side(bsdf, p.ns, wo);
+  if (lit) direct(p, side, bsdf, wo, sequence, base);
 
   const Vec2 choice = sequence.get_2d(base + kLobeAndRoulette);
   BsdfSample sample;
@@ -292,7 +300,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     s.cone_width = s.cone_spread = 0;
     s.previous_pdf = sample.pdf;
   }
-  s.previous_normal = p.ns;
+  s.previous_normal = side;
   next(p, sample.wi);
 }
 

@@ -27,7 +27,9 @@ inline float next_float_down(float x) { return -next_float_up(-x); }
 // Rendering", 3rd ed., section 3.9.5).
 inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& p_error, const Vec3& ng,
                               const Vec3& direction) {
-  const float distance = glm::dot(glm::abs(ng), p_error);
+  // A plane through a zero coordinate has no rounding error; but Embree accepts hits at a distance of 0.
+  const float least = 0x1p-60f * std::max(std::abs(p.x), std::max(std::abs(p.y), std::abs(p.z))) + 1e-30f;
+  const float distance = std::max(glm::dot(glm::abs(ng), p_error), least);
   const Vec3 offset = (glm::dot(direction, ng) < 0.f ? -distance : distance) * ng;
   Vec3 out = p + offset;
   for (int i = 0; i < 3; ++i) {
