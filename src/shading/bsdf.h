@@ -1,30 +1,48 @@
 #pragma once
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "cloudrenderer/math.h"
 
 namespace cloudrenderer {
 
 enum class LobeKind : std::uint8_t {
-  lambert_reflection, lambert_transmission, oren_nayar, oren_nayar_transmission,
-  specular_reflection, specular_transmission, specular_dielectric,  // both, chosen by Fresnel
-  microfacet_reflection, microfacet_transmission, fresnel_blend
+  lambert,                // also for transmission
+  oren_nayar,
+  microfacet,             // reflection; with `transmits` pbrt-v2's BRDFToBTDF of it
+  microfacet_dielectric,  // rough reflection and refraction, chosen by Fresnel
+  fresnel_blend,          // Ashikhmin and Shirley 2000: diffuse under a glossy coat
+  specular_reflection,
+  specular_transmission,
+  specular_dielectric     // reflection and refraction, chosen by Fresnel
 };
-enum class Distribution : std::uint8_t { blinn, blinn_anisotropic, trowbridge_reitz, beckmann };
-enum class Fresnel : std::uint8_t { none, dielectric, conductor, conductor_v2 };
+enum class Distribution : std::uint8_t { blinn, blinn_anisotropic, trowbridge_reitz };
+enum class Fresnel : std::uint8_t {
+  none,
+  dielectric,            // the incident side decides which index comes first
+  dielectric_one_sided,  // pbrt-v2's microfacets: always as if from outside
+  conductor,             // exact
+  conductor_v2           // pbrt-v2's approximation
+};
 
-// One scattering lobe; which fields count depends on the kind. Plain data, built at every shading point.
+// One scattering lobe; which fields count depends on the kind. Plain data without initialisers, so that an array of
+// them costs nothing; made by the functions in bsdf_lobes.h.
 struct Lobe {
-  LobeKind kind = LobeKind::lambert_reflection;
-  Distribution distribution = Distribution::trowbridge_reitz;
-  Fresnel fresnel = Fresnel::none;
-  bool swap_sides = false;   // pbrt-v2's BRDFToBTDF: a reflection lobe used for transmission
-  Rgb scale{0};              // reflectance or transmittance
-  Rgb scale2{0};             // fresnel_blend: specular; specular_dielectric: transmittance
-  Rgb eta{1}, k{0};          // dielectric: eta.x = inside over outside
-  float alpha_x = 0, alpha_y = 0;  // roughness or Blinn exponents; Oren-Nayar A and B
-  float weight = 1;          // chance of being sampled, set by Bsdf::add / finish
+  LobeKind kind;
+  Distribution distribution;
+  Fresnel fresnel;
+  bool transmits;      // lambert, oren_nayar, microfacet: scatters to the other side
+  bool scale_radiance; // refraction compresses radiance by (eta_i / eta_t)^2, as in pbrt-v3 and not in pbrt-v2
+  float weight;        // chance of being sampled, set by Bsdf::finish
+  float mix;           // fresnel_blend: chance of sampling the glossy part, set by Bsdf::finish
+  Rgb scale;           // reflectance (fresnel_blend: diffuse)
+  Rgb scale2;          // dielectrics: transmittance; fresnel_blend: specular
+  Rgb eta;             // conductors; dielectrics: x = inside over outside, y = 1/x; fresnel_blend: factor over all
+  Rgb k;               // conductors
+  float alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, or Oren and Nayar's A and B
+  float norm;              // of the distribution, precomputed
 };
 
 struct BsdfSample {
@@ -42,17 +60,30 @@ class Bsdf {
  public:
   static constexpr int kMaxLobes = 8;
 
-  Bsdf() = default;
+  Bsdf() {}  // NOLINT: lobes stay unwritten on purpose
   Bsdf(const Frame& shading, const Vec3& ng) : frame_(shading), ng_(ng) {}
+  Bsdf(const Bsdf& b) { copy(b); }
+  Bsdf& operator=(const Bsdf& b) {
+    if (this != &b) copy(b);
+    return *this;
+  }
+  ~Bsdf() = default;
 
-  void add(const Lobe& lobe) {
-    if (count_ < kMaxLobes) lobes_[static_cast<std::size_t>(count_++)] = lobe;
+  // Returns false when there is no room left.
+  bool add(const Lobe& lobe) {
+    if (count_ == kMaxLobes) return false;
+    note(lobe);
+    lobes_[static_cast<std::size_t>(count_++)] = lobe;
+    return true;
+  }
+  void add(std::span<const Lobe> lobes) {
+    for (const Lobe& l : lobes) add(l);
   }
   // Sets the lobes' sampling weights for this wo (albedo estimates). Call once after the last add().
   void finish(const Vec3& wo);
 
   bool empty() const { return count_ == 0; }
-  bool has_smooth() const;       // some lobe is not specular: light sampling makes sense
+  bool has_smooth() const { return smooth_; }  // some lobe is not specular: light sampling makes sense
   Rgb eval(const Vec3& wo, const Vec3& wi) const;    // f, without the cosine
   float pdf(const Vec3& wo, const Vec3& wi) const;
   // eval * |cos(ns, wi)| and pdf in one pass: what light sampling needs.
@@ -64,12 +95,31 @@ class Bsdf {
   const Vec3& ng() const { return ng_; }
   int lobe_count() const { return count_; }
   const Lobe& lobe(int i) const { return lobes_[static_cast<std::size_t>(i)]; }
+  Lobe& lobe(int i) { return lobes_[static_cast<std::size_t>(i)]; }
 
  private:
+  void note(const Lobe& lobe) {
+    smooth_ = smooth_ || lobe.kind < LobeKind::specular_reflection;
+    half_ = half_ || (lobe.kind >= LobeKind::microfacet && lobe.kind <= LobeKind::fresnel_blend);
+  }
+  void copy(const Bsdf& b) {  // only the lobes that exist
+    frame_ = b.frame_;
+    ng_ = b.ng_;
+    count_ = b.count_;
+    smooth_ = b.smooth_;
+    half_ = b.half_;
+    for (int i = 0; i < count_; ++i) lobes_[static_cast<std::size_t>(i)] = b.lobes_[static_cast<std::size_t>(i)];
+  }
+  // Sum of the smooth lobes without the cosine, and their density, for local directions.
+  Rgb evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) const;
+  bool finish_specular(const Lobe& lobe, const Vec3& wo, float u, BsdfSample& out) const;
+
   Frame frame_;
   Vec3 ng_{0, 0, 1};
   int count_ = 0;
-  std::array<Lobe, kMaxLobes> lobes_{};
+  bool smooth_ = false;  // some lobe is not specular
+  bool half_ = false;    // some lobe wants the half vector
+  std::array<Lobe, kMaxLobes> lobes_;
 };
 
 }  // namespace cloudrenderer

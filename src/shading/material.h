@@ -24,7 +24,7 @@ struct Footprint {
 class Shading {
  public:
   struct Options {
-    std::uint64_t texture_budget = std::uint64_t{1} << 30;  // resident texels up to here, then OpenImageIO's cache
+    std::uint64_t texture_budget = std::uint64_t{1} << 30;  // resident texels up to here, then mapped temporary files
   };
   // Throws SceneError for what makes no picture; unsupported kinds are warnings and become grey matte (materials)
   // or their constant default (textures).

@@ -1,0 +1,134 @@
+// The table of materials, and what they share.
+#include "shading/material.h"
+
+#include <array>
+#include <string>
+
+#include "shading/material_kinds.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr std::array kKinds{
+    MaterialKind{"matte", make_matte},
+    MaterialKind{"plastic", make_plastic},
+    MaterialKind{"metal", make_metal},
+    MaterialKind{"shinymetal", make_shinymetal},
+    MaterialKind{"mirror", make_mirror},
+    MaterialKind{"glass", make_glass},
+    MaterialKind{"uber", make_uber},
+    MaterialKind{"substrate", make_substrate},
+    MaterialKind{"translucent", make_translucent},
+    MaterialKind{"mix", make_mix},
+    MaterialKind{"disney", make_disney},
+    MaterialKind{"kdsubsurface", make_kdsubsurface},
+    MaterialKind{"subsurface", make_grey},
+    MaterialKind{"measured", make_grey},
+    MaterialKind{"fourier", make_grey},
+    MaterialKind{"hair", make_grey},
+};
+
+const MaterialKind* find_kind(std::string_view name) {
+  for (const MaterialKind& k : kKinds)
+    if (k.name == name) return &k;
+  return nullptr;
+}
+
+constexpr int kMaxMixDepth = 8;  // a mix of mixes doubles the work with each level
+
+}  // namespace
+
+void LobeSink::add(Lobe lobe) {
+  if (scaled_) bsdf::scale_lobe(lobe, factor_);
+  // Diffuse lobes of mixed materials become one.
+  if (lobe.kind == LobeKind::lambert)
+    for (int i = 0; i < bsdf_.lobe_count(); ++i)
+      if (Lobe& other = bsdf_.lobe(i); other.kind == LobeKind::lambert && other.transmits == lobe.transmits) {
+        other.scale += lobe.scale;
+        return;
+      }
+  bsdf_.add(lobe);
+}
+
+Roughness::Roughness(MaterialInputs& in, const TexturedFloat& u, const TexturedFloat& v)
+    : u_(u), v_(v), dialect_(in.params.dialect()),
+      remap_(dialect_ == Dialect::v3 && in.params.params().boolean("remaproughness", true)),
+      isotropic_(u.texture == v.texture && (u.texture || u.constant == v.constant)) {
+  in.tangents = in.tangents || !isotropic_;
+}
+
+Roughness Roughness::one(MaterialInputs& in, float otherwise) {
+  const TexturedFloat r = in.params.real("roughness", otherwise);
+  return {in, r, r};
+}
+
+Roughness Roughness::overridden(MaterialInputs& in, float otherwise, V follow) {
+  const TexturedFloat r = in.params.real("roughness", otherwise);
+  TexturedFloat u = r, v = r;
+  if (in.params.dialect() == Dialect::v3) {
+    in.params.optional_real("uroughness", u);
+    if (!in.params.optional_real("vroughness", v) && follow == V::follows_u) v = u;
+  }
+  return {in, u, v};
+}
+
+Roughness Roughness::two_axes(MaterialInputs& in, float otherwise) {
+  const TexturedFloat u = in.params.real("uroughness", otherwise);
+  return {in, u, in.params.real("vroughness", otherwise)};
+}
+
+bsdf::Microfacets Roughness::operator()(const TexturePoint& at) const {
+  float u = u_(at), v = isotropic_ ? u : v_(at);
+  if (dialect_ == Dialect::v2) return bsdf::blinn_anisotropic(u, v);
+  if (remap_) {
+    u = bsdf::roughness_to_alpha(u);
+    v = isotropic_ ? u : bsdf::roughness_to_alpha(v);
+  }
+  return bsdf::trowbridge_reitz(u, v);
+}
+
+std::vector<MaterialRecord> build_materials(const SceneDescription& scene, const TextureSet& textures,
+                                            Warnings& warnings) {
+  std::vector<MaterialRecord> out;
+  out.reserve(scene.materials.size());
+  for (const MaterialDesc& desc : scene.materials) {
+    MaterialRecord r;
+    if (desc.type.empty() || desc.type == "none") {
+      out.push_back(std::move(r));
+      continue;
+    }
+    TexturedParams params(desc.params, textures, scene.dialect, desc.location, warnings);
+    MaterialInputs in{params, out, false, 1, nullptr};
+    const MaterialKind* kind = find_kind(desc.type);
+    if (!kind) {
+      std::string names;
+      for (const MaterialKind& k : kKinds) names += (names.empty() ? "" : ", ") + std::string(k.name);
+      warnings.add(desc.location, "unknown material \"" + desc.type + "\", expected one of " + names + "; using matte");
+      kind = find_kind("matte");
+    }
+    r.material = kind->make(in);
+    if (in.depth > kMaxMixDepth)
+      throw SceneError(desc.location, "materials are mixed more than " + std::to_string(kMaxMixDepth) + " deep");
+    r.textured = params.textured();
+    r.has_bump = params.optional_real("bumpmap", r.bump) && r.bump.texture;  // a constant displacement bends nothing
+    if (in.base && !r.has_bump) {  // the first of two mixed materials gives the shading frame
+      r.has_bump = in.base->has_bump;
+      r.bump = in.base->bump;
+    }
+    r.tangents = in.tangents;
+    r.needs = params.needs();
+    r.needs.uv = r.needs.uv || r.tangents || r.has_bump;
+    r.depth = in.depth;
+    if (!r.textured) {
+      Bsdf constant;
+      LobeSink sink(constant);
+      r.material->add_lobes(TexturePoint(), sink);
+      for (int i = 0; i < constant.lobe_count(); ++i) r.lobes.push_back(constant.lobe(i));
+    }
+    desc.params.report_unused("Material \"" + desc.type + "\"", warnings);
+    out.push_back(std::move(r));
+  }
+  return out;
+}
+
+}  // namespace cloudrenderer

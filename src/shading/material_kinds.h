@@ -1,0 +1,99 @@
+#pragma once
+// The materials: each file makes one kind (or a family), and the table in material.cpp names it.
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "shading/bsdf_lobes.h"
+#include "shading/material.h"
+#include "shading/texture.h"
+
+namespace cloudrenderer {
+
+// Where a material puts its lobes: into a Bsdf, times a factor (mixed materials).
+class LobeSink {
+ public:
+  explicit LobeSink(Bsdf& bsdf, const Rgb& factor = Rgb(1.f)) : bsdf_(bsdf), factor_(factor), scaled_(factor != Rgb(1.f)) {}
+  void add(Lobe lobe);
+  LobeSink scaled(const Rgb& s) const { return LobeSink(bsdf_, factor_ * s); }
+
+ private:
+  Bsdf& bsdf_;
+  Rgb factor_;
+  bool scaled_;
+};
+
+// A material whose lobes depend on the point. One without textures is asked once, when the scene is built.
+class Material {
+ public:
+  virtual ~Material() = default;
+  virtual void add_lobes(const TexturePoint& at, LobeSink& out) const = 0;
+};
+
+// A material with what Shading must know of it.
+struct MaterialRecord {
+  std::unique_ptr<Material> material;  // null: the null material
+  std::vector<Lobe> lobes;             // when not textured
+  bool textured = false;
+  bool tangents = false;               // depends on the direction of the tangents
+  bool has_bump = false;
+  TexturedFloat bump;
+  TextureNeeds needs;
+  int depth = 1;                       // of mixes
+};
+
+struct MaterialInputs {
+  TexturedParams& params;
+  std::span<const MaterialRecord> earlier;  // the materials before this one
+  bool tangents = false;                    // set by the maker
+  int depth = 1;                            // set by the maker of mixes
+  const MaterialRecord* base = nullptr;     // whose bump map counts, set by the maker of mixes
+};
+
+struct MaterialKind {
+  std::string_view name;
+  std::unique_ptr<Material> (*make)(MaterialInputs&);
+};
+
+std::unique_ptr<Material> make_matte(MaterialInputs&);
+std::unique_ptr<Material> make_plastic(MaterialInputs&);
+std::unique_ptr<Material> make_metal(MaterialInputs&);
+std::unique_ptr<Material> make_shinymetal(MaterialInputs&);
+std::unique_ptr<Material> make_mirror(MaterialInputs&);
+std::unique_ptr<Material> make_glass(MaterialInputs&);
+std::unique_ptr<Material> make_uber(MaterialInputs&);
+std::unique_ptr<Material> make_substrate(MaterialInputs&);
+std::unique_ptr<Material> make_translucent(MaterialInputs&);
+std::unique_ptr<Material> make_mix(MaterialInputs&);
+std::unique_ptr<Material> make_disney(MaterialInputs&);         // approximated
+std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);   // approximated
+std::unique_ptr<Material> make_grey(MaterialInputs&);           // for kinds that are not supported
+
+// No colour may be negative.
+inline Rgb positive(const Rgb& c) { return glm::max(c, Rgb(0.f)); }
+
+// The roughness parameters of a microfacet material: Blinn exponents in pbrt-v2, Trowbridge-Reitz widths in pbrt-v3
+// (there with "remaproughness").
+class Roughness {
+ public:
+  static Roughness one(MaterialInputs& in, float otherwise);  // "roughness"
+  // "roughness", in v3 overridden by "uroughness" and "vroughness"; pbrt's materials differ in whether v follows u.
+  enum class V { keeps_roughness, follows_u };
+  static Roughness overridden(MaterialInputs& in, float otherwise, V v);
+  static Roughness two_axes(MaterialInputs& in, float otherwise);  // "uroughness", "vroughness"
+
+  bool smooth(const TexturePoint& at) const { return u_(at) == 0.f && v_(at) == 0.f; }
+  bsdf::Microfacets operator()(const TexturePoint& at) const;
+
+ private:
+  Roughness(MaterialInputs& in, const TexturedFloat& u, const TexturedFloat& v);
+
+  TexturedFloat u_, v_;
+  Dialect dialect_;
+  bool remap_, isotropic_;
+};
+
+// Builds all materials. Throws SceneError for what makes no picture.
+std::vector<MaterialRecord> build_materials(const SceneDescription& scene, const TextureSet& textures, Warnings& warnings);
+
+}  // namespace cloudrenderer

@@ -1,0 +1,103 @@
+#include "shading/material.h"
+#include "shading/material_kinds.h"
+
+namespace cloudrenderer {
+namespace {
+
+// Displaces the shading frame by the slope of a height texture (Blinn 1978), by pbrt's finite differences: half the
+// pixel's extent in u and v, or a fixed step where there is no footprint.
+void bump(const TexturedFloat& height, const TexturePoint& at, float fixed_step, SurfacePoint& point) {
+  const Vec3 dpdu = point.shading_dpdu, dpdv = point.shading_dpdv;
+  const float h = height(at);
+  const auto slope = [&](float step, const Vec3& tangent, const Vec2& direction) {
+    TexturePoint moved = at;
+    moved.p += step * tangent;
+    moved.uv += step * direction;
+    return (height(moved) - h) / step;
+  };
+  float du = 0.5f * (std::fabs(at.duvdx.x) + std::fabs(at.duvdy.x));
+  float dv = 0.5f * (std::fabs(at.duvdx.y) + std::fabs(at.duvdy.y));
+  if (du == 0.f) du = fixed_step;
+  if (dv == 0.f) dv = fixed_step;
+  const Vec3 bent_u = dpdu + slope(du, dpdu, {1, 0}) * point.ns + h * point.dndu;
+  const Vec3 bent_v = dpdv + slope(dv, dpdv, {0, 1}) * point.ns + h * point.dndv;
+  const Vec3 n = glm::cross(bent_u, bent_v);
+  const float length2 = glm::dot(n, n);
+  if (!(length2 > 0.f) || !std::isfinite(length2)) return;
+  Vec3 unit = n / std::sqrt(length2);
+  if (!is_finite(unit)) return;
+  point.ns = glm::dot(unit, point.ng) < 0.f ? -unit : unit;
+  point.shading_dpdu = bent_u;
+  point.shading_dpdv = bent_v;
+}
+
+// The frame of anisotropic lobes: along the tangent.
+Frame tangent_frame(const SurfacePoint& point) {
+  const Vec3 s = point.shading_dpdu - point.ns * glm::dot(point.ns, point.shading_dpdu);
+  const float length2 = glm::dot(s, s);
+  if (!(length2 > 0.f) || !std::isfinite(length2)) return Frame(point.ns);
+  const Vec3 unit = s / std::sqrt(length2);
+  return {unit, glm::cross(point.ns, unit), point.ns};
+}
+
+class SceneShading final : public Shading {
+ public:
+  SceneShading(const SceneDescription& scene, const Options& options, Warnings& warnings)
+      : textures_(scene, options.texture_budget, warnings), records_(build_materials(scene, textures_, warnings)),
+        bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f) {
+    for (const MaterialRecord& r : records_) needs_ |= r.needs;
+  }
+
+  bool needs_footprint() const override { return needs_.footprint; }
+  bool needs_uv() const override { return needs_.uv; }
+  std::uint64_t bytes() const override { return textures_.bytes(); }
+  bool is_null(std::uint32_t material) const override {
+    return material < records_.size() && !records_[material].material;
+  }
+
+  Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const override {
+    const MaterialRecord* r = material < records_.size() ? &records_[material] : nullptr;
+    if (r && (r->textured || r->has_bump)) return textured(*r, point, wo, footprint);
+    Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
+    if (r) b.add(std::span<const Lobe>(r->lobes));
+    b.finish(wo);
+    return b;
+  }
+
+  float alpha(std::uint32_t texture, const Vec2& uv, const Vec3& p) const override {
+    const TexturedFloat* t = textures_.float_texture(texture);
+    if (!t) return 1.f;
+    TexturePoint at;
+    at.p = p;
+    at.uv = uv;
+    return (*t)(at);
+  }
+
+ private:
+  Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const {
+    const TexturePoint at(point, footprint);
+    if (r.has_bump) bump(r.bump, at, bump_step_, point);
+    Bsdf b(r.tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
+    if (r.textured) {
+      LobeSink sink(b);
+      r.material->add_lobes(at, sink);
+    } else {
+      b.add(std::span<const Lobe>(r.lobes));
+    }
+    b.finish(wo);
+    return b;
+  }
+
+  TextureSet textures_;  // before the records, whose materials point to textures
+  std::vector<MaterialRecord> records_;
+  TextureNeeds needs_;
+  float bump_step_;
+};
+
+}  // namespace
+
+std::unique_ptr<Shading> Shading::build(const SceneDescription& scene, const Options& options, Warnings& warnings) {
+  return std::make_unique<SceneShading>(scene, options, warnings);
+}
+
+}  // namespace cloudrenderer

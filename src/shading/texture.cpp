@@ -1,0 +1,218 @@
+#include "shading/texture.h"
+
+#include <array>
+#include <unordered_map>
+
+#include "shading/texture_image.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr std::array kKinds{
+    TextureKind{"constant", make_constant_texture<float>, make_constant_texture<Rgb>},
+    TextureKind{"scale", make_scale_texture<float>, make_scale_texture<Rgb>},
+    TextureKind{"mix", make_mix_texture<float>, make_mix_texture<Rgb>},
+    TextureKind{"bilerp", make_bilerp_texture<float>, make_bilerp_texture<Rgb>},
+    TextureKind{"imagemap", make_imagemap_texture<float>, make_imagemap_texture<Rgb>},
+    TextureKind{"checkerboard", make_checkerboard_texture<float>, make_checkerboard_texture<Rgb>},
+    TextureKind{"uv", make_uv_texture<float>, make_uv_texture<Rgb>},
+    TextureKind{"dots", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
+    TextureKind{"fbm", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
+    TextureKind{"wrinkled", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
+    TextureKind{"windy", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
+    TextureKind{"marble", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
+    TextureKind{"ptex", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
+};
+
+const TextureKind* find_kind(std::string_view name) {
+  for (const TextureKind& k : kKinds)
+    if (k.name == name) return &k;
+  return nullptr;
+}
+
+constexpr int kMaxDepth = 64;  // textures of textures; evaluation is recursive
+
+template <class T>
+struct Built {
+  Textured<T> value;
+  std::unique_ptr<Texture<T>> owner;
+};
+
+template <class T>
+Built<T> store(MadeTexture<T> made) {
+  Built<T> b;
+  if (T* constant = std::get_if<T>(&made)) {
+    b.value.constant = *constant;
+  } else {
+    b.owner = std::move(std::get<std::unique_ptr<Texture<T>>>(made));
+    b.value.texture = b.owner.get();
+  }
+  return b;
+}
+
+void mark_references(const ParamSet& params, const std::unordered_map<std::string_view, std::size_t>& index,
+                     std::vector<bool>& used) {
+  for (const Param& p : params.all()) {
+    if (p.type != ParamType::texture) continue;
+    for (const std::string& name : p.strings)
+      if (const auto it = index.find(name); it != index.end()) used[it->second] = true;
+  }
+}
+
+}  // namespace
+
+TexturePoint::TexturePoint(const SurfacePoint& point, const Footprint& footprint) : p(point.p), uv(point.uv) {
+  if (footprint.dpdx == Vec3(0.f) && footprint.dpdy == Vec3(0.f)) return;
+  dpdx = footprint.dpdx;
+  dpdy = footprint.dpdy;
+  // Least squares for the components along the tangents.
+  const float e = glm::dot(point.dpdu, point.dpdu), f = glm::dot(point.dpdu, point.dpdv);
+  const float g = glm::dot(point.dpdv, point.dpdv), det = e * g - f * f;
+  if (!(det > 0.f)) return;
+  const float inverse = 1.f / det;
+  if (!std::isfinite(inverse)) return;
+  const auto solve = [&](const Vec3& d) {
+    const float a = glm::dot(d, point.dpdu), b = glm::dot(d, point.dpdv);
+    const Vec2 uv_d((g * a - f * b) * inverse, (e * b - f * a) * inverse);
+    return std::isfinite(uv_d.x) && std::isfinite(uv_d.y) ? uv_d : Vec2(0.f);
+  };
+  duvdx = solve(dpdx);
+  duvdy = solve(dpdy);
+}
+
+struct TextureSet::State {
+  struct Entry {
+    bool built = false, is_float = false;
+    Built<float> real;
+    Built<Rgb> rgb;
+    TextureNeeds needs;
+  };
+  explicit State(std::uint64_t budget) : images(budget) {}
+
+  const Entry* find(std::string_view name, bool is_float) const {
+    const auto it = index.find(name);
+    if (it == index.end()) return nullptr;
+    const Entry& e = entries[it->second];
+    return e.built && e.is_float == is_float ? &e : nullptr;
+  }
+
+  ImageStore images;
+  std::vector<std::string> names;  // what the index's keys point to
+  std::unordered_map<std::string_view, std::size_t> index;
+  std::vector<Entry> entries;
+};
+
+TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings)
+    : state_(std::make_unique<State>(budget)) {
+  State& s = *state_;
+  const std::size_t n = scene.textures.size();
+  s.entries.resize(n);
+  s.names.reserve(n);
+  for (std::size_t i = 0; i < n; ++i) s.index[s.names.emplace_back(scene.textures[i].name)] = i;
+
+  std::vector<bool> used(n, false), referenced(n, false);
+  for (const MaterialDesc& m : scene.materials) mark_references(m.params, s.index, used);
+  for (const TextureDesc& t : scene.textures) mark_references(t.params, s.index, referenced);
+  for (std::size_t i = n; i-- > 0;) {
+    if (scene.textures[i].is_float && !referenced[i]) used[i] = true;  // perhaps an alpha mask
+    if (used[i]) mark_references(scene.textures[i].params, s.index, used);
+  }
+
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!used[i]) continue;
+    const TextureDesc& desc = scene.textures[i];
+    const TextureKind* kind = find_kind(desc.type);
+    if (!kind) {
+      std::string names;
+      for (const TextureKind& k : kKinds) names += (names.empty() ? "" : ", ") + std::string(k.name);
+      warnings.add(desc.location, "unknown texture \"" + desc.type + "\", expected one of " + names + "; using 0.5");
+      kind = find_kind("dots");
+    }
+    TexturedParams params(desc.params, *this, scene.dialect, desc.location, warnings);
+    TextureInputs inputs{params, desc.texture_to_world, s.images};
+    State::Entry& e = s.entries[i];
+    e.is_float = desc.is_float;
+    if (desc.is_float) e.real = store<float>(kind->make_float(inputs));
+    else e.rgb = store<Rgb>(kind->make_rgb(inputs));
+    e.needs = params.needs();
+    if (++e.needs.depth > kMaxDepth)
+      throw SceneError(desc.location, "textures refer to textures more than " + std::to_string(kMaxDepth) + " deep");
+    e.built = true;
+    desc.params.report_unused("Texture \"" + desc.type + "\"", warnings);
+  }
+}
+
+TextureSet::~TextureSet() = default;
+
+bool TextureSet::find(std::string_view name, TexturedFloat& out, TextureNeeds& needs, const FileLocation& where,
+                      Warnings& warnings) const {
+  const State::Entry* e = state_->find(name, true);
+  if (!e) {
+    warnings.add(where, "there is no float texture \"" + std::string(name) + "\" before this line; using the default");
+    return false;
+  }
+  out = e->real.value;
+  if (out.texture) needs |= e->needs;
+  return true;
+}
+
+bool TextureSet::find(std::string_view name, TexturedRgb& out, TextureNeeds& needs, const FileLocation& where,
+                      Warnings& warnings) const {
+  const State::Entry* e = state_->find(name, false);
+  if (!e) {
+    warnings.add(where, "there is no colour texture \"" + std::string(name) + "\" before this line; using the default");
+    return false;
+  }
+  out = e->rgb.value;
+  if (out.texture) needs |= e->needs;
+  return true;
+}
+
+const TexturedFloat* TextureSet::float_texture(std::uint32_t index) const {
+  if (index >= state_->entries.size()) return nullptr;
+  const State::Entry& e = state_->entries[index];
+  return e.built && e.is_float ? &e.real.value : nullptr;
+}
+
+std::uint64_t TextureSet::bytes() const { return state_->images.bytes(); }
+
+template <class T>
+bool TexturedParams::find(std::string_view name, Textured<T>& out) {
+  const Param* p = params_.find(name);
+  if (!p || p->type != ParamType::texture) return false;
+  const auto texture = params_.texture(name);
+  if (!texture || !textures_.find(*texture, out, needs_, p->location, warnings_)) return false;
+  textured_ = textured_ || out.texture;
+  return true;
+}
+
+namespace {
+
+bool is_texture(const ParamSet& params, std::string_view name) {
+  const Param* p = params.find(name);
+  return p && p->type == ParamType::texture;
+}
+
+}  // namespace
+
+TexturedFloat TexturedParams::real(std::string_view name, float otherwise) {
+  TexturedFloat out{otherwise, nullptr};
+  if (is_texture(params_, name)) find(name, out);
+  else out.constant = params_.real(name, otherwise);
+  return out;
+}
+
+TexturedRgb TexturedParams::rgb(std::string_view name, const Rgb& otherwise) {
+  TexturedRgb out{otherwise, nullptr};
+  if (is_texture(params_, name)) find(name, out);
+  else out.constant = params_.rgb(name, otherwise);
+  return out;
+}
+
+bool TexturedParams::optional_real(std::string_view name, TexturedFloat& out) {
+  if (!params_.has(name)) return false;
+  out = real(name, 0.f);
+  return true;
+}
+
+}  // namespace cloudrenderer

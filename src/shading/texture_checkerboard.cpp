@@ -1,0 +1,88 @@
+#include "shading/texture_mapping.h"
+
+namespace cloudrenderer {
+namespace {
+
+// Integral from 0 to x of the function that is 0 on even unit intervals and 1 on odd ones.
+float odd_integral(float x) {
+  const float half = 0.5f * x, whole = std::floor(half);
+  return whole + 2.f * std::max(half - whole - 0.5f, 0.f);
+}
+
+bool is_even(float sum_of_floors) {
+  const float half = 0.5f * sum_of_floors;
+  return half == std::floor(half);
+}
+
+template <class T>
+class Checkerboard2D final : public Texture<T> {
+ public:
+  Checkerboard2D(const TextureMapping& mapping, const Textured<T>& even, const Textured<T>& odd, bool filter)
+      : mapping_(mapping), even_(even), odd_(odd), filter_(filter) {}
+
+  T eval(const TexturePoint& at) const override {
+    const TextureCoordinates c = mapping_(at);
+    const Vec2 low = glm::floor(c.st);
+    const bool even = is_even(low.x + low.y);
+    if (filter_) {
+      // A box of twice the largest derivative, integrated exactly.
+      const Vec2 d = glm::max(glm::abs(c.dstdx), glm::abs(c.dstdy));
+      const Vec2 from = c.st - d, to = c.st + d;
+      if (glm::floor(from) != low || glm::floor(to) != low) {
+        float odd = 0.5f;
+        if (d.x <= 1.f && d.y <= 1.f) {
+          const float s = share(from.x, to.x), t = share(from.y, to.y);
+          odd = s + t - 2.f * s * t;
+        }
+        return (1.f - odd) * even_(at) + odd * odd_(at);
+      }
+    }
+    return even ? even_(at) : odd_(at);
+  }
+
+ private:
+  static float share(float from, float to) {
+    if (to > from) return (odd_integral(to) - odd_integral(from)) / (to - from);
+    return is_even(std::floor(from)) ? 0.f : 1.f;
+  }
+
+  TextureMapping mapping_;
+  Textured<T> even_, odd_;
+  bool filter_;
+};
+
+template <class T>
+class Checkerboard3D final : public Texture<T> {
+ public:
+  Checkerboard3D(const Transform& to_cells, const Textured<T>& even, const Textured<T>& odd)
+      : to_cells_(to_cells), even_(even), odd_(odd) {}
+  T eval(const TexturePoint& at) const override {
+    const Vec3 low = glm::floor(to_cells_.point(at.p));
+    return is_even(low.x + low.y + low.z) ? even_(at) : odd_(at);
+  }
+
+ private:
+  Transform to_cells_;
+  Textured<T> even_, odd_;
+};
+
+}  // namespace
+
+template <class T>
+MadeTexture<T> make_checkerboard_texture(TextureInputs& in) {
+  const Textured<T> even = in.params.value<T>("tex1", 1.f), odd = in.params.value<T>("tex2", 0.f);
+  const int dimension = in.params.params().integer("dimension", 2);
+  // pbrt-v2 and v3 apply the texture's own transform to world points here, not its inverse; the pictures depend on it.
+  if (dimension == 3) return std::make_unique<Checkerboard3D<T>>(in.texture_to_world, even, odd);
+  if (dimension != 2) throw SceneError(in.params.location(), "checkerboard dimension must be 2 or 3");
+  const std::string mode = in.params.params().string("aamode", "closedform");
+  if (mode != "none" && mode != "closedform") in.params.warn("unknown aamode \"" + mode + "\"; using closedform");
+  const bool filter = mode != "none";
+  if (filter) in.params.needs().footprint = true;
+  return std::make_unique<Checkerboard2D<T>>(TextureMapping(in), even, odd, filter);
+}
+
+template MadeTexture<float> make_checkerboard_texture<float>(TextureInputs&);
+template MadeTexture<Rgb> make_checkerboard_texture<Rgb>(TextureInputs&);
+
+}  // namespace cloudrenderer

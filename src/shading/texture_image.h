@@ -1,0 +1,83 @@
+#pragma once
+// Images for textures: read once through OpenImageIO, kept as mip-map pyramids in few bytes a texel, filtered by our
+// own code, so that a texel that is resident and one that is paged in give the same bits.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/bulk_array.h"
+#include "base/log.h"
+#include "cloudrenderer/math.h"
+
+namespace cloudrenderer {
+
+enum class WrapMode : std::uint8_t { repeat, black, clamp };
+
+// How the numbers of a file become texture values: v = scale * decode(x) (pbrt-v3), v = (scale * x)^gamma (pbrt-v2).
+struct ImageEncoding {
+  float scale = 1, gamma = 1;
+  bool srgb = false;       // decode sRGB, then scale; gamma is not used
+  bool flip = false;       // the first row is at t = 1
+  bool luminance = false;  // one value a texel
+  auto operator<=>(const ImageEncoding&) const = default;
+
+  float decode(float x) const;
+};
+
+struct ImageFilter {
+  WrapMode wrap = WrapMode::repeat;
+  bool trilinear = false;
+  float max_anisotropy = 8;
+};
+
+class ImagePyramid {
+ public:
+  enum class Format : std::uint8_t { byte, half, real };
+  struct Level {
+    int width = 1, height = 1;
+    Format format = Format::real;
+    std::size_t offset = 0;  // into the texels
+  };
+
+  int width() const { return levels_.front().width; }
+  int height() const { return levels_.front().height; }
+  int level_count() const { return static_cast<int>(levels_.size()); }
+
+  // Value at st, (0,0) being the corner of the first row, averaged over the ellipse spanned by the two derivatives:
+  // elliptically weighted (Heckbert 1989), or trilinear. Zero derivatives: bilinear on the finest level.
+  Rgb lookup(const Vec2& st, const Vec2& dst0, const Vec2& dst1, const ImageFilter& filter) const;
+  Rgb texel(int level, int x, int y, WrapMode wrap) const;
+
+ private:
+  friend class ImageStore;
+  Rgb bilinear(int level, const Vec2& st, WrapMode wrap) const;
+  Rgb trilinear(const Vec2& st, float width, WrapMode wrap) const;
+  Rgb ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) const;
+  Rgb fetch(const Level& level, std::size_t index) const;
+
+  std::vector<Level> levels_;
+  int channels_ = 3;
+  const std::byte* texels_ = nullptr;
+  std::vector<std::byte> resident_;          // or:
+  BulkArray<std::byte> paged_;               // a mapped temporary file that the system may evict
+  std::array<float, 256> decode_{};          // for bytes
+};
+
+// All images of a scene, each read once. Not thread-safe while images are added.
+class ImageStore {
+ public:
+  explicit ImageStore(std::uint64_t budget) : budget_(budget) {}
+  // Throws SceneError when the file cannot be read.
+  const ImagePyramid* get(const std::string& path, const ImageEncoding& encoding, const FileLocation& where);
+  std::uint64_t bytes() const { return resident_; }  // of resident texels
+
+ private:
+  std::uint64_t budget_, resident_ = 0;
+  std::map<std::pair<std::string, ImageEncoding>, std::unique_ptr<ImagePyramid>> images_;
+};
+
+}  // namespace cloudrenderer

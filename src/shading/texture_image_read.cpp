@@ -1,0 +1,191 @@
+// From a file to a pyramid.
+#include <Imath/half.h>
+#include <OpenImageIO/imageio.h>
+
+#include <cstring>
+#include <limits>
+
+#include "shading/texture_image.h"
+
+namespace cloudrenderer {
+namespace {
+
+struct Pixels {
+  int width = 0, height = 0, channels = 1;  // 1 or 3
+  bool bytes = false;
+  std::vector<std::uint8_t> byte;  // as stored in the file
+  std::vector<float> real;
+  std::size_t row() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(channels); }
+};
+
+Pixels read_pixels(const std::string& path, const FileLocation& where) {
+  OIIO::ImageSpec config;
+  config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: pbrt ignores alpha
+  const auto file = OIIO::ImageInput::open(path, &config);
+  if (!file) throw SceneError(where, "cannot read texture image \"" + path + "\": " + OIIO::geterror());
+  const OIIO::ImageSpec& spec = file->spec();
+  Pixels p;
+  p.width = spec.width;
+  p.height = spec.height;
+  p.channels = spec.nchannels >= 3 ? 3 : 1;
+  p.bytes = spec.format == OIIO::TypeDesc::UINT8;
+  if (p.width <= 0 || p.height <= 0 || spec.depth > 1)
+    throw SceneError(where, "texture image \"" + path + "\" is not a 2D image");
+  const std::size_t count = p.row() * static_cast<std::size_t>(p.height);
+  bool read = false;
+  if (p.bytes) {
+    p.byte.resize(count);
+    read = file->read_image(0, 0, 0, p.channels, OIIO::TypeDesc::UINT8, p.byte.data());
+  } else {
+    p.real.resize(count);
+    read = file->read_image(0, 0, 0, p.channels, OIIO::TypeDesc::FLOAT, p.real.data());
+  }
+  if (!read) throw SceneError(where, "cannot read texture image \"" + path + "\": " + file->geterror());
+  return p;
+}
+
+template <class T>
+void flip_rows(std::vector<T>& v, std::size_t row) {
+  const std::size_t rows = v.size() / row;
+  for (std::size_t y = 0; y < rows / 2; ++y)
+    std::swap_ranges(v.begin() + static_cast<std::ptrdiff_t>(y * row), v.begin() + static_cast<std::ptrdiff_t>((y + 1) * row),
+                     v.begin() + static_cast<std::ptrdiff_t>((rows - 1 - y) * row));
+}
+
+bool is_grey(const std::vector<std::uint8_t>& v) {
+  for (std::size_t i = 0; i + 2 < v.size(); i += 3)
+    if (v[i] != v[i + 1] || v[i] != v[i + 2]) return false;
+  return true;
+}
+
+// Colours to one value a texel; bytes stay bytes when they are grey.
+void to_luminance(Pixels& p) {
+  if (p.channels == 1) return;
+  const std::size_t n = (p.bytes ? p.byte.size() : p.real.size()) / 3;
+  p.channels = 1;
+  if (p.bytes && is_grey(p.byte)) {
+    for (std::size_t i = 0; i < n; ++i) p.byte[i] = p.byte[3 * i];
+    p.byte.resize(n);
+    return;
+  }
+  std::vector<float> out(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Rgb c = p.bytes ? Rgb(p.byte[3 * i], p.byte[3 * i + 1], p.byte[3 * i + 2]) / 255.f
+                          : Rgb(p.real[3 * i], p.real[3 * i + 1], p.real[3 * i + 2]);
+    out[i] = luminance(c);
+  }
+  p.real = std::move(out);
+  p.byte = {};
+  p.bytes = false;
+}
+
+// The mean over the covered area: halves each side, rounding down, at least 1.
+std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channels, int out_w, int out_h) {
+  const auto ch = static_cast<std::size_t>(channels);
+  const auto axis = [](int from, int to) {  // for each output: first input and weights of up to three
+    std::vector<std::pair<int, std::array<float, 3>>> taps;
+    for (int i = 0; i < to; ++i) {
+      const float a = static_cast<float>(i) * static_cast<float>(from) / static_cast<float>(to);
+      const float b = static_cast<float>(i + 1) * static_cast<float>(from) / static_cast<float>(to);
+      const int first = std::min(static_cast<int>(a), from - 1);
+      std::array<float, 3> weight{};
+      float sum = 0;
+      for (int k = 0; k < 3 && first + k < from; ++k) {
+        const float lo = std::max(a, static_cast<float>(first + k)), hi = std::min(b, static_cast<float>(first + k + 1));
+        sum += weight[static_cast<std::size_t>(k)] = std::max(0.f, hi - lo);
+      }
+      for (float& x : weight) x /= sum;
+      taps.emplace_back(first, weight);
+    }
+    return taps;
+  };
+  const auto xs = axis(w, out_w), ys = axis(h, out_h);
+  std::vector<float> out(static_cast<std::size_t>(out_w) * static_cast<std::size_t>(out_h) * ch, 0.f);
+  std::size_t o = 0;
+  for (const auto& [y0, wy] : ys)
+    for (const auto& [x0, wx] : xs) {
+      for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t i = 0; i < 3; ++i) {
+          const float weight = wy[j] * wx[i];
+          if (weight == 0.f) continue;
+          const std::size_t at = ((static_cast<std::size_t>(y0) + j) * static_cast<std::size_t>(w) +
+                                  static_cast<std::size_t>(x0) + i) * ch;
+          for (std::size_t c = 0; c < ch; ++c) out[o + c] += weight * in[at + c];
+        }
+      o += ch;
+    }
+  return out;
+}
+
+bool fits_half(const std::vector<float>& v) {
+  for (float x : v)
+    if (!(std::fabs(x) <= 65504.f)) return false;
+  return true;
+}
+
+void append(std::vector<std::byte>& out, const std::vector<float>& v, bool half) {
+  const std::size_t at = out.size();
+  out.resize(at + v.size() * (half ? 2 : 4));
+  if (!half) {
+    std::memcpy(out.data() + at, v.data(), v.size() * 4);
+    return;
+  }
+  for (std::size_t i = 0; i < v.size(); ++i) {
+    const std::uint16_t bits = Imath::half(v[i]).bits();
+    std::memcpy(out.data() + at + 2 * i, &bits, 2);
+  }
+}
+
+}  // namespace
+
+const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding& encoding, const FileLocation& where) {
+  auto& slot = images_[{path, encoding}];
+  if (slot) return slot.get();
+  Pixels p = read_pixels(path, where);
+  if (encoding.luminance) to_luminance(p);
+  if (encoding.flip) p.bytes ? flip_rows(p.byte, p.row()) : flip_rows(p.real, p.row());
+
+  auto pyramid = std::make_unique<ImagePyramid>();
+  pyramid->channels_ = p.channels;
+  std::vector<std::byte>& texels = pyramid->resident_;
+  std::vector<float> level;
+  if (p.bytes) {
+    for (std::size_t i = 0; i < 256; ++i) pyramid->decode_[i] = encoding.decode(static_cast<float>(i) / 255.f);
+    texels.resize(p.byte.size());
+    std::memcpy(texels.data(), p.byte.data(), p.byte.size());
+    level.reserve(p.byte.size());
+    for (std::uint8_t b : p.byte) level.push_back(pyramid->decode_[b]);
+    p.byte = {};
+  } else {
+    level = std::move(p.real);
+    for (float& x : level) x = std::isfinite(x) ? encoding.decode(x) : 0.f;
+  }
+  const bool half = fits_half(level);  // means of values that fit do fit
+  int w = p.width, h = p.height;
+  const auto format = half ? ImagePyramid::Format::half : ImagePyramid::Format::real;
+  pyramid->levels_.push_back({w, h, p.bytes ? ImagePyramid::Format::byte : format, 0});
+  if (!p.bytes) append(texels, level, half);
+  while (w > 1 || h > 1) {
+    const int next_w = std::max(1, w / 2), next_h = std::max(1, h / 2);
+    level = shrink(level, w, h, p.channels, next_w, next_h);
+    w = next_w;
+    h = next_h;
+    pyramid->levels_.push_back({w, h, format, texels.size()});
+    append(texels, level, half);
+  }
+  if (resident_ + texels.size() <= budget_) {
+    texels.shrink_to_fit();
+    resident_ += texels.size();
+    pyramid->texels_ = texels.data();
+  } else {
+    BulkWriter<std::byte> writer;
+    writer.append(texels);
+    pyramid->paged_ = writer.finish();
+    pyramid->texels_ = pyramid->paged_.view().data();
+    texels = {};
+  }
+  slot = std::move(pyramid);
+  return slot.get();
+}
+
+}  // namespace cloudrenderer

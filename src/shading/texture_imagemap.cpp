@@ -1,0 +1,79 @@
+#include "shading/texture_image.h"
+#include "shading/texture_mapping.h"
+
+namespace cloudrenderer {
+namespace {
+
+template <class T>
+class ImagemapTexture final : public Texture<T> {
+ public:
+  ImagemapTexture(const TextureMapping& mapping, const ImagePyramid* image, const ImageFilter& filter)
+      : mapping_(mapping), image_(image), filter_(filter) {}
+  T eval(const TexturePoint& at) const override {
+    const TextureCoordinates c = mapping_(at);
+    const Rgb v = image_->lookup(c.st, c.dstdx, c.dstdy, filter_);
+    if constexpr (std::is_same_v<T, float>)
+      return v.x;
+    else
+      return v;
+  }
+
+ private:
+  TextureMapping mapping_;
+  const ImagePyramid* image_;
+  ImageFilter filter_;
+};
+
+bool ends_with(std::string_view s, std::string_view end) {
+  if (s.size() < end.size()) return false;
+  for (std::size_t i = 0; i < end.size(); ++i) {
+    const char c = s[s.size() - end.size() + i];
+    if ((c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c) != end[i]) return false;
+  }
+  return true;
+}
+
+// pbrt-v3 decodes sRGB by default for the formats that hold it; JPEG it does not read, we do.
+bool is_srgb_file(std::string_view path) {
+  return ends_with(path, ".png") || ends_with(path, ".tga") || ends_with(path, ".jpg") || ends_with(path, ".jpeg");
+}
+
+}  // namespace
+
+template <class T>
+MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
+  const ParamSet& p = in.params.params();
+  const std::string path = p.string("filename", "");
+  if (path.empty()) throw SceneError(in.params.location(), "imagemap texture needs a \"string filename\"");
+  ImageEncoding encoding;
+  encoding.scale = p.real("scale", 1.f);
+  if (in.params.dialect() == Dialect::v3) {
+    encoding.srgb = p.boolean("gamma", is_srgb_file(path));
+    encoding.flip = true;  // pbrt-v3 puts the lower left corner of the picture at (0,0), pbrt-v2 the upper left one
+  } else {
+    encoding.gamma = p.real("gamma", 1.f);
+  }
+  encoding.luminance = std::is_same_v<T, float>;
+  ImageFilter filter;
+  filter.trilinear = p.boolean("trilinear", false);
+  filter.max_anisotropy = std::clamp(p.real("maxanisotropy", 8.f), 1.f, 64.f);
+  const std::string wrap = p.string("wrap", "repeat");
+  if (wrap == "black") filter.wrap = WrapMode::black;
+  else if (wrap == "clamp") filter.wrap = WrapMode::clamp;
+  else if (wrap != "repeat") in.params.warn("unknown wrap \"" + wrap + "\", expected repeat, black or clamp; using repeat");
+  in.params.needs().footprint = true;
+  const TextureMapping mapping(in);
+  try {
+    const ImagePyramid* image = in.images.get(path, encoding, p.find("filename")->location);
+    return std::make_unique<ImagemapTexture<T>>(mapping, image, filter);
+  } catch (const SceneError& e) {
+    // As pbrt: a picture with a grey (v3) or white (v2) surface is better than none.
+    in.params.warn(std::string(e.what()) + "; using a constant");
+    return T(encoding.decode(in.params.dialect() == Dialect::v3 ? 0.18f : 1.f));
+  }
+}
+
+template MadeTexture<float> make_imagemap_texture<float>(TextureInputs&);
+template MadeTexture<Rgb> make_imagemap_texture<Rgb>(TextureInputs&);
+
+}  // namespace cloudrenderer

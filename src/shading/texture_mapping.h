@@ -1,0 +1,27 @@
+#pragma once
+#include "shading/texture.h"
+
+namespace cloudrenderer {
+
+// A place in texture space with its pixel footprint.
+struct TextureCoordinates {
+  Vec2 st{}, dstdx{}, dstdy{};
+};
+
+// pbrt's 2D mappings: uv, spherical, cylindrical and planar.
+class TextureMapping {
+ public:
+  explicit TextureMapping(TextureInputs& inputs);
+  TextureCoordinates operator()(const TexturePoint& at) const;
+
+ private:
+  enum class Kind { uv, spherical, cylindrical, planar };
+  Vec2 around(const Vec3& world) const;  // spherical and cylindrical
+
+  Kind kind_ = Kind::uv;
+  Vec2 scale_{1}, delta_{0};
+  Vec3 vs_{1, 0, 0}, vt_{0, 1, 0};
+  Transform world_to_texture_;
+};
+
+}  // namespace cloudrenderer

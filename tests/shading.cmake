@@ -1,0 +1,4 @@
+cloudrenderer_test(shading_tests LABEL unit
+  SOURCES ${CMAKE_CURRENT_LIST_DIR}/shading_bsdf_test.cpp ${CMAKE_CURRENT_LIST_DIR}/shading_material_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/shading_texture_test.cpp
+  LINK cr_shading)
