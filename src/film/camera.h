@@ -25,7 +25,8 @@ class Camera {
 // The pixel filter, importance-sampled: every sample counts for its own pixel only.
 class Filter {
  public:
-  static std::unique_ptr<Filter> build(const Entity& desc, Warnings& warnings);
+  // The dialects differ in "sinc" only.
+  static std::unique_ptr<Filter> build(const Entity& desc, Warnings& warnings, Dialect dialect = Dialect::v2);
   virtual ~Filter() = default;
   // Offset from the pixel's centre in pixels, and the weight (+-const for filters with negative lobes; mean 1).
   virtual Vec2 sample(const Vec2& u, float& weight) const = 0;

@@ -77,8 +77,8 @@ class Film {
   std::vector<PixelSums> sums_;
 };
 
-// Writes .exr (half or float as asked; data and display window from the frame), .png (sRGB 8 bit), by file name;
-// `metadata` goes into the EXR header. Writes to a temporary name and renames. Throws std::runtime_error with the reason.
+// Writes .exr (32 bit float; data and display window from the frame) or .png (sRGB, 8 bit), by file name; `metadata`
+// goes into the EXR header. Writes to a temporary name and renames. Throws std::runtime_error with the reason.
 void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
                  const std::map<std::string, std::string>& metadata);
 // Reads R, G, B of an image file as linear floats. Throws std::runtime_error.
@@ -89,7 +89,9 @@ struct ImageDifference {
   std::array<double, 3> mean_ratio{};   // a / b per channel, pixels that are saturated outliers in b left out
   bool identical = false;
 };
-// a against reference b. Throws std::runtime_error for different sizes or NaN/infinity in either.
-ImageDifference compare_images(const Image& a, const Image& b);
+// a against reference b. psnr is for a peak of 1, infinite for equal pictures; `identical` means the same bits.
+// Throws std::runtime_error for different sizes or NaN/infinity in either; pixels that are not finite in the
+// reference can be left out instead (pictures of other programs hold such).
+ImageDifference compare_images(const Image& a, const Image& b, bool ignore_nonfinite_reference = false);
 
 }  // namespace cloudrenderer

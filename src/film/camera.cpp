@@ -1,0 +1,176 @@
+#include "film/camera.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/portable_math.h"
+#include "base/sampling.h"
+
+namespace cloudrenderer {
+namespace {
+
+// The affine map from raster positions to pbrt's screen window.
+struct Screen {
+  float x = 0, y = 0, dx = 0, dy = 0;  // corner at raster (0, 0), step of one pixel
+  Vec2 at(const Vec2& film) const { return {x + film.x * dx, y + film.y * dy}; }
+};
+
+struct Lens {
+  float radius = 0, focal_distance = 1e6f;
+};
+
+class PerspectiveCamera final : public Camera {
+ public:
+  PerspectiveCamera(const Transform& camera_to_world, const Screen& image_plane, const Lens& lens)
+      : to_world_(camera_to_world), plane_(image_plane), lens_(lens),
+        pixel_area_(std::fabs(image_plane.dx * image_plane.dy)), eye_(camera_to_world.point(Vec3(0.f))) {}
+
+  CameraRay ray(const Vec2& film, const Vec2& lens) const override {
+    CameraRay out;
+    Vec2 d = plane_.at(film);  // at z = 1
+    // cosine of the angle to the axis; a pixel has the solid angle area * cos^3
+    const float c = 1.f / std::sqrt(1.f + d.x * d.x + d.y * d.y);
+    out.cone_spread = std::sqrt(pixel_area_ * c * c * c);
+    out.origin = eye_;
+    if (lens_.radius > 0.f) {
+      const Vec2 l = lens_.radius * sample_disk(lens);
+      out.origin = to_world_.point({l.x, l.y, 0.f});
+      // towards the point in focus, divided by its distance, which may be 1e30
+      d -= l / lens_.focal_distance;
+    }
+    out.direction = glm::normalize(to_world_.vector({d.x, d.y, 1.f}));
+    return out;
+  }
+  bool uses_lens() const override { return lens_.radius > 0.f; }
+
+ private:
+  Transform to_world_;
+  Screen plane_;
+  Lens lens_;
+  float pixel_area_;
+  Vec3 eye_;
+};
+
+class OrthographicCamera final : public Camera {
+ public:
+  OrthographicCamera(const Transform& camera_to_world, const Screen& screen, const Lens& lens)
+      : to_world_(camera_to_world), screen_(screen), lens_(lens) {
+    cone_width_ = std::sqrt(glm::length(glm::cross(to_world_.vector({screen.dx, 0, 0}), to_world_.vector({0, screen.dy, 0}))));
+  }
+
+  CameraRay ray(const Vec2& film, const Vec2& lens) const override {
+    CameraRay out;
+    Vec2 o = screen_.at(film), d{0.f, 0.f};
+    if (lens_.radius > 0.f) {
+      const Vec2 l = lens_.radius * sample_disk(lens);
+      o += l;
+      d = -l / lens_.focal_distance;
+    }
+    out.origin = to_world_.point({o.x, o.y, 0.f});
+    out.direction = glm::normalize(to_world_.vector({d.x, d.y, 1.f}));
+    out.cone_width = cone_width_;
+    return out;
+  }
+  bool uses_lens() const override { return lens_.radius > 0.f; }
+
+ private:
+  Transform to_world_;
+  Screen screen_;
+  Lens lens_;
+  float cone_width_;
+};
+
+// All directions: longitude along x, polar angle from the camera's y axis along y.
+class EnvironmentCamera final : public Camera {
+ public:
+  EnvironmentCamera(const Transform& camera_to_world, const FilmFrame& frame)
+      : to_world_(camera_to_world), eye_(camera_to_world.point(Vec3(0.f))),
+        step_(2 * kPi / static_cast<float>(frame.width), kPi / static_cast<float>(frame.height)) {}
+
+  CameraRay ray(const Vec2& film, const Vec2&) const override {
+    float sin_phi, cos_phi, sin_theta, cos_theta;
+    portable::sincos(film.x * step_.x, sin_phi, cos_phi);
+    portable::sincos(film.y * step_.y, sin_theta, cos_theta);
+    CameraRay out;
+    out.origin = eye_;
+    out.direction = glm::normalize(to_world_.vector({sin_theta * cos_phi, cos_theta, sin_theta * sin_phi}));
+    out.cone_spread = std::sqrt(step_.x * step_.y * std::fabs(sin_theta));
+    return out;
+  }
+  bool uses_lens() const override { return false; }
+
+ private:
+  Transform to_world_;
+  Vec3 eye_;
+  Vec2 step_;
+};
+
+Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
+  const float width = static_cast<float>(frame.width), height = static_cast<float>(frame.height);
+  const float aspect = desc.params.real("frameaspectratio", width / height);
+  if (!(aspect > 0.f && aspect < kInfinity)) throw SceneError{desc.location, "frameaspectratio must be above 0"};
+  float w[4] = {-1, 1, -1, 1};  // x0 x1 y0 y1, the shorter axis spans 2
+  if (aspect > 1.f) {
+    w[0] = -aspect;
+    w[1] = aspect;
+  } else {
+    w[2] = -1.f / aspect;
+    w[3] = 1.f / aspect;
+  }
+  if (const BulkArray<float> given = desc.params.reals("screenwindow"); given.size() == 4) {
+    std::copy(given.begin(), given.end(), w);
+  } else if (!given.empty()) {
+    throw SceneError{desc.location, "screenwindow must have 4 values, got " + std::to_string(given.size())};
+  }
+  const Screen out{w[0], w[3], (w[1] - w[0]) / width, (w[2] - w[3]) / height};
+  if (!std::isfinite(out.dx) || !std::isfinite(out.dy) || out.dx == 0.f || out.dy == 0.f)
+    throw SceneError{desc.location, "screenwindow must have a finite size above 0"};
+  return out;
+}
+
+Lens lens(const CameraDesc& desc) {
+  const Lens out{desc.params.real("lensradius", 0.f), desc.params.real("focaldistance", 1e6f)};
+  if (!(out.radius >= 0.f && out.radius < kInfinity)) throw SceneError{desc.location, "lensradius must be 0 or more"};
+  if (!(out.focal_distance > 0.f)) throw SceneError{desc.location, "focaldistance must be above 0"};
+  return out;
+}
+
+float field_of_view(const CameraDesc& desc) {
+  float fov = desc.params.real("fov", 90.f);
+  const float half = desc.params.real("halffov", -1.f);  // of scenes that were made for other programs
+  if (half > 0.f) fov = 2.f * half;
+  if (!(fov > 0.f && fov < 180.f))
+    throw SceneError{desc.location, "fov must be between 0 and 180 degrees, got " + std::to_string(fov)};
+  return fov;
+}
+
+}  // namespace
+
+std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& frame, Dialect,
+                                      Warnings& warnings) {
+  const Transform to_world = desc.world_to_camera.inverse();
+  if (!to_world.is_invertible() || !desc.world_to_camera.is_invertible())
+    throw SceneError{desc.location, "the camera's transformation cannot be inverted"};
+  // Clipping planes and the shutter change nothing without motion; scenes carry them all the same.
+  for (const char* name : {"hither", "yon", "shutteropen", "shutterclose"}) desc.params.real(name, 0.f);
+
+  std::unique_ptr<Camera> camera;
+  if (desc.type == "environment") {
+    for (const char* name : {"lensradius", "focaldistance", "frameaspectratio"}) desc.params.real(name, 0.f);
+    desc.params.reals("screenwindow");
+    camera = std::make_unique<EnvironmentCamera>(to_world, frame);
+  } else if (desc.type == "orthographic") {
+    camera = std::make_unique<OrthographicCamera>(to_world, screen_window(desc, frame), lens(desc));
+  } else {
+    if (!desc.type.empty() && desc.type != "perspective")
+      warnings.add(desc.location, "camera \"" + desc.type + "\" is not supported, \"perspective\" is used");
+    Screen plane = screen_window(desc, frame);
+    const float half = portable::tan(field_of_view(desc) * (kPi / 360.f));
+    for (float* v : {&plane.x, &plane.y, &plane.dx, &plane.dy}) *v *= half;
+    camera = std::make_unique<PerspectiveCamera>(to_world, plane, lens(desc));
+  }
+  desc.params.report_unused("Camera \"" + desc.type + "\"", warnings);
+  return camera;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,71 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "film/film.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr int kMaxResolution = 1 << 16;
+
+std::uint32_t resolution(const Entity& film, const char* name, int otherwise) {
+  const int n = film.params.integer(name, otherwise);
+  if (n < 1 || n > kMaxResolution)
+    throw SceneError{film.location, std::string(name) + " must be between 1 and " + std::to_string(kMaxResolution) +
+                                        ", got " + std::to_string(n)};
+  return static_cast<std::uint32_t>(n);
+}
+
+// pbrt rounds both ends of the window up; a window without a pixel gets one.
+void crop(std::uint32_t size, float from, float to, std::uint32_t& begin, std::uint32_t& end) {
+  from = std::clamp(from, 0.f, 1.f);
+  to = std::clamp(to, 0.f, 1.f);
+  if (to < from) std::swap(from, to);
+  begin = std::min(static_cast<std::uint32_t>(std::ceil(static_cast<float>(size) * from)), size - 1);
+  end = std::clamp(static_cast<std::uint32_t>(std::ceil(static_cast<float>(size) * to)), begin + 1, size);
+}
+
+}  // namespace
+
+FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings) {
+  const bool v3 = dialect == Dialect::v3;
+  const ParamSet& params = film.params;
+  if (!film.type.empty() && film.type != "image")
+    warnings.add(film.location, "film " + film.type + " is unknown, image is used");
+
+  FilmOptions out;
+  FilmFrame& f = out.frame;
+  f.width = resolution(film, "xresolution", v3 ? 1280 : 640);
+  f.height = resolution(film, "yresolution", v3 ? 720 : 480);
+  if (std::uint64_t{f.width} * f.height >= std::uint64_t{1} << 32)
+    throw SceneError{film.location, "the film must have fewer than 2^32 pixels"};
+
+  float window[4] = {0, 1, 0, 1};
+  if (const BulkArray<float> given = params.reals("cropwindow"); given.size() == 4) {
+    std::copy(given.begin(), given.end(), window);
+    for (const float w : window)
+      if (!std::isfinite(w)) throw SceneError{film.location, "cropwindow must be finite"};
+  } else if (!given.empty()) {
+    throw SceneError{film.location, "cropwindow must have 4 values, got " + std::to_string(given.size())};
+  }
+  crop(f.width, window[0], window[1], f.x0, f.x1);
+  crop(f.height, window[2], window[3], f.y0, f.y1);
+
+  out.filename = params.string("filename", "pbrt.exr");
+  const std::filesystem::path name(out.filename);
+  if (name.extension() != ".exr" && name.extension() != ".png") {
+    out.filename = std::filesystem::path(name).replace_extension(".exr").string();
+    warnings.add(film.location, "pictures are written as .exr or .png: the file name becomes " + out.filename);
+  }
+  if (v3) {
+    out.scale = params.real("scale", 1.f);
+    out.max_sample_luminance = params.real("maxsampleluminance", kInfinity);
+    params.real("diagonal", 35.f);  // only lens-system cameras need the size in millimetres
+  }
+  params.boolean("display", false);
+  params.report_unused("Film \"" + film.type + "\"", warnings);
+  return out;
+}
+
+}  // namespace cloudrenderer

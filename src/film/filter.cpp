@@ -1,0 +1,149 @@
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "base/portable_math.h"
+#include "base/sampling.h"
+#include "film/camera.h"
+
+namespace cloudrenderer {
+namespace {
+
+class BoxFilter final : public Filter {
+ public:
+  explicit BoxFilter(const Vec2& width) : width_(width) {}
+  Vec2 sample(const Vec2& u, float& weight) const override {
+    weight = 1;
+    return (2.f * u - 1.f) * width_;
+  }
+
+ private:
+  Vec2 width_;
+};
+
+class TriangleFilter final : public Filter {
+ public:
+  explicit TriangleFilter(const Vec2& width) : width_(width) {}
+  Vec2 sample(const Vec2& u, float& weight) const override {
+    weight = 1;
+    return Vec2(tent(u.x), tent(u.y)) * width_;
+  }
+
+ private:
+  static float tent(float u) {
+    return u < 0.5f ? std::sqrt(2.f * u) - 1.f : 1.f - std::sqrt(std::max(0.f, 2.f - 2.f * u));
+  }
+  Vec2 width_;
+};
+
+// One axis of a separable filter: a table of |f|, and the sign with which a sample counts.
+class TabulatedAxis {
+ public:
+  static constexpr std::size_t kCells = 2048;
+
+  template <class F>
+  TabulatedAxis(float width, F&& f) : width_(width) {
+    std::vector<float> values(kCells);
+    double sum = 0, absolute = 0;
+    for (std::size_t i = 0; i < kCells; ++i) {
+      const double x = (2 * (static_cast<double>(i) + 0.5) / kCells - 1) * static_cast<double>(width);
+      const double v = f(x);
+      values[i] = static_cast<float>(std::fabs(v));
+      negative_[i] = v < 0;
+      sum += v;
+      absolute += std::fabs(v);
+    }
+    distribution_ = Distribution1D(values);
+    magnitude_ = sum > 0 ? static_cast<float>(absolute / sum) : 1.f;
+  }
+
+  float sample(float u, float& weight) const {
+    float pdf;
+    std::size_t cell;
+    const float x = distribution_.sample(u, pdf, cell);
+    weight = negative_[cell] ? -magnitude_ : magnitude_;
+    return (2.f * x - 1.f) * width_;
+  }
+
+ private:
+  float width_;
+  float magnitude_ = 1;  // integral of |f| over that of f, so that weights have mean 1
+  Distribution1D distribution_;
+  std::array<bool, kCells> negative_{};
+};
+
+class TabulatedFilter final : public Filter {
+ public:
+  template <class F>
+  TabulatedFilter(const Vec2& width, F&& f)
+      : x_(width.x, [&](double t) { return f(t, static_cast<double>(width.x)); }),
+        y_(width.y, [&](double t) { return f(t, static_cast<double>(width.y)); }) {}
+  Vec2 sample(const Vec2& u, float& weight) const override {
+    float wx, wy;
+    const Vec2 out(x_.sample(u.x, wx), y_.sample(u.y, wy));
+    weight = wx * wy;
+    return out;
+  }
+
+ private:
+  TabulatedAxis x_, y_;
+};
+
+// Mitchell and Netravali 1988, support [-2, 2].
+double mitchell(double x, double b, double c) {
+  x = std::fabs(x);
+  if (x >= 2) return 0;
+  if (x > 1)
+    return ((-b - 6 * c) * x * x * x + (6 * b + 30 * c) * x * x + (-12 * b - 48 * c) * x + (8 * b + 24 * c)) / 6;
+  return ((12 - 9 * b - 6 * c) * x * x * x + (-18 + 12 * b + 6 * c) * x * x + (6 - 2 * b)) / 6;
+}
+
+double sinc(double x) {
+  const double y = 3.14159265358979323846 * std::fabs(x);
+  return y < 1e-5 ? 1 : portable::sin(y) / y;
+}
+
+std::unique_ptr<Filter> make(const Entity& desc, Dialect dialect, Warnings& warnings) {
+  const ParamSet& params = desc.params;
+  const auto width = [&](float otherwise) {
+    const Vec2 w(params.real("xwidth", otherwise), params.real("ywidth", otherwise));
+    if (!(w.x > 0.f && w.y > 0.f && w.x <= 1e3f && w.y <= 1e3f))
+      throw SceneError{desc.location, "the filter's xwidth and ywidth must be above 0 and at most 1000"};
+    return w;
+  };
+  if (desc.type == "triangle") return std::make_unique<TriangleFilter>(width(2.f));
+  if (desc.type == "gaussian") {
+    const auto alpha = static_cast<double>(params.real("alpha", 2.f));
+    return std::make_unique<TabulatedFilter>(width(2.f), [alpha](double x, double w) {
+      return std::max(0.0, portable::exp(-alpha * x * x) - portable::exp(-alpha * w * w));
+    });
+  }
+  if (desc.type == "mitchell") {
+    const auto b = static_cast<double>(params.real("B", 1.f / 3.f)), c = static_cast<double>(params.real("C", 1.f / 3.f));
+    return std::make_unique<TabulatedFilter>(width(2.f),
+                                             [b, c](double x, double w) { return mitchell(2 * x / w, b, c); });
+  }
+  if (desc.type == "sinc") {
+    const auto tau = static_cast<double>(params.real("tau", 3.f));
+    if (!(tau > 0)) throw SceneError{desc.location, "the filter's tau must be above 0"};
+    // v2 stretches tau cycles over the width, v3 counts both factors in pixels.
+    if (dialect == Dialect::v2)
+      return std::make_unique<TabulatedFilter>(width(4.f),
+                                               [tau](double x, double w) { return sinc(tau * x / w) * sinc(x / w); });
+    return std::make_unique<TabulatedFilter>(width(4.f),
+                                             [tau](double x, double) { return sinc(x) * sinc(x / tau); });
+  }
+  if (!desc.type.empty() && desc.type != "box")
+    warnings.add(desc.location, "pixel filter \"" + desc.type + "\" is unknown, \"box\" is used");
+  return std::make_unique<BoxFilter>(width(0.5f));
+}
+
+}  // namespace
+
+std::unique_ptr<Filter> Filter::build(const Entity& desc, Warnings& warnings, Dialect dialect) {
+  std::unique_ptr<Filter> filter = make(desc, dialect, warnings);
+  desc.params.report_unused("PixelFilter \"" + desc.type + "\"", warnings);
+  return filter;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,134 @@
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <stdexcept>
+#include <system_error>
+
+#include "base/portable_math.h"
+#include "film/film.h"
+
+namespace cloudrenderer {
+namespace {
+
+[[noreturn]] void fail(const std::string& what, const std::string& path, const std::string& why) {
+  throw std::runtime_error("cannot " + what + " " + path + ": " + why);
+}
+
+std::string reason(int error) { return std::generic_category().message(error); }
+
+float to_srgb(float v) {
+  if (!(v > 0.f)) return 0.f;
+  return v <= 0.0031308f ? 12.92f * v : 1.055f * portable::pow(std::min(v, 1.f), 1.f / 2.4f) - 0.055f;
+}
+
+float from_srgb(float v) {
+  return v <= 0.04045f ? v / 12.92f : portable::pow((v + 0.055f) / 1.055f, 2.4f);
+}
+
+// Encodes in memory, so that every failure of the disk is seen and named here.
+std::vector<unsigned char> encode(const std::string& path, const OIIO::ImageSpec& spec, OIIO::TypeDesc type,
+                                  const void* pixels) {
+  const auto output = OIIO::ImageOutput::create(path);
+  if (!output) fail("write", path, OIIO::geterror());
+  OIIO::Filesystem::IOVecOutput memory;
+  output->set_ioproxy(&memory);
+  if (!output->open(path, spec) || !output->write_image(type, pixels) || !output->close())
+    fail("write", path, output->geterror());
+  return memory.buffer();
+}
+
+// A reader of `path` sees the old file or the new one, never a half.
+void write_file(const std::string& path, std::span<const unsigned char> bytes) {
+  const std::string temporary = path + ".tmp" + std::to_string(::getpid());
+  const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (fd < 0) fail("write", path, reason(errno));
+  int error = 0;
+  while (!bytes.empty() && error == 0) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n >= 0)
+      bytes = bytes.subspan(static_cast<std::size_t>(n));
+    else if (errno != EINTR)
+      error = errno;
+  }
+  if (::close(fd) != 0 && error == 0) error = errno;
+  if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
+  if (error != 0) {
+    ::unlink(temporary.c_str());
+    fail("write", path, reason(error));
+  }
+}
+
+}  // namespace
+
+void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
+                 const std::map<std::string, std::string>& metadata) {
+  if (image.width != frame.crop_width() || image.height != frame.crop_height() ||
+      image.pixels.size() != frame.pixels() || image.pixels.empty())
+    fail("write", path, "the picture does not have the film's size");
+  const std::string extension = std::filesystem::path(path).extension().string();
+  const auto width = static_cast<int>(image.width), height = static_cast<int>(image.height);
+
+  if (extension == ".exr") {
+    OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::FLOAT);
+    spec.x = static_cast<int>(frame.x0);
+    spec.y = static_cast<int>(frame.y0);
+    spec.full_width = static_cast<int>(frame.width);
+    spec.full_height = static_cast<int>(frame.height);
+    spec.attribute("compression", "zip");
+    for (const auto& [key, value] : metadata) spec.attribute(key, value);
+    write_file(path, encode(path, spec, OIIO::TypeDesc::FLOAT, image.pixels.data()));
+  } else if (extension == ".png") {
+    std::vector<unsigned char> bytes;
+    bytes.reserve(image.pixels.size() * 3);
+    for (const Rgb& c : image.pixels)
+      for (int i = 0; i < 3; ++i) bytes.push_back(static_cast<unsigned char>(to_srgb(c[i]) * 255.f + 0.5f));
+    OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
+    spec.attribute("oiio:ColorSpace", "sRGB");
+    write_file(path, encode(path, spec, OIIO::TypeDesc::UINT8, bytes.data()));
+  } else {
+    fail("write", path, "the file name must end in .exr or .png");
+  }
+}
+
+Image read_image(const std::string& path) {
+  // OpenImageIO's own message for a missing file is about formats.
+  if (std::error_code error; !std::filesystem::exists(path, error))
+    fail("read", path, error ? error.message() : reason(ENOENT));
+  const auto input = OIIO::ImageInput::open(path);
+  if (!input) fail("read", path, OIIO::geterror());
+  const OIIO::ImageSpec& spec = input->spec();
+  const int channels = spec.nchannels;
+  if (spec.width < 1 || spec.height < 1 || spec.depth != 1 || channels < 1) fail("read", path, "it holds no picture");
+
+  std::array<int, 3> source{};
+  for (int i = 0; i < 3; ++i) {
+    const auto named = spec.channelindex(std::string(1, "RGB"[i]));
+    source[static_cast<std::size_t>(i)] = named >= 0 ? named : channels >= 3 ? i : 0;  // else grey
+  }
+  const auto width = static_cast<std::size_t>(spec.width), height = static_cast<std::size_t>(spec.height);
+  std::vector<float> values(width * height * static_cast<std::size_t>(channels));
+  if (!input->read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, values.data()))
+    fail("read", path, input->geterror());
+  const bool srgb = spec.format.is_floating_point()
+                        ? false
+                        : spec.get_string_attribute("oiio:ColorSpace", "sRGB") != "Linear";
+
+  Image out{static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), std::vector<Rgb>(width * height)};
+  for (std::size_t p = 0; p < out.pixels.size(); ++p)
+    for (int i = 0; i < 3; ++i) {
+      const float v = values[p * static_cast<std::size_t>(channels) +
+                             static_cast<std::size_t>(source[static_cast<std::size_t>(i)])];
+      out.pixels[p][i] = srgb ? from_srgb(v) : v;
+    }
+  return out;
+}
+
+}  // namespace cloudrenderer

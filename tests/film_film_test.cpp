@@ -1,0 +1,163 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+#include <random>
+
+#include "film/film.h"
+#include "film_support.h"
+
+namespace cloudrenderer {
+namespace {
+
+using test::entity;
+using test::integer;
+using test::reals;
+using test::string;
+
+Fixed3 fixed(const Rgb& c, int k = 20) {
+  bool clamped = false;
+  return quantise(c, k, clamped);
+}
+
+TEST(Quantise, RoundsToNearestAndTiesToEven) {
+  EXPECT_EQ(fixed({0.5f, 1.5f, 2.5f}, 0), (Fixed3{0, 2, 2}));
+  EXPECT_EQ(fixed({-0.5f, -1.5f, 2.75f}, 0), (Fixed3{0, -2, 3}));
+  EXPECT_EQ(fixed({1.f, 0.25f, -3.f}, 3), (Fixed3{8, 2, -24}));
+  EXPECT_EQ(fixed({1024.f, 0, 0}, -10), (Fixed3{1, 0, 0}));
+}
+
+TEST(Quantise, ClampsAndSaysSo) {
+  bool clamped = false;
+  EXPECT_EQ(quantise({1.f, 2.f, 3.f}, 20, clamped)[0], 1 << 20);
+  EXPECT_FALSE(clamped);
+  const Fixed3 v = quantise({1e30f, -1e30f, 1.f}, 20, clamped);
+  EXPECT_TRUE(clamped);
+  EXPECT_EQ(v, (Fixed3{std::int64_t{1} << 62, -(std::int64_t{1} << 62), 1 << 20}));
+  quantise(Rgb(0.f), 20, clamped);
+  EXPECT_TRUE(clamped) << "a later sample does not take the mark away";
+}
+
+TEST(PixelSums, DoNotDependOnTheOrderOfSamples) {
+  std::mt19937 random(1);
+  std::lognormal_distribution<float> value(0.f, 4.f);
+  std::vector<std::pair<Fixed3, std::uint32_t>> samples;
+  for (std::uint32_t s = 0; s < 500; ++s)
+    samples.emplace_back(fixed({value(random), value(random), -value(random)}), s);
+  PixelSums in_order;
+  for (const auto& [v, s] : samples) in_order.add(v, s);
+  for (int round = 0; round < 10; ++round) {
+    std::shuffle(samples.begin(), samples.end(), random);
+    PixelSums a, b;
+    for (std::size_t i = 0; i < samples.size(); ++i) (i < 123 ? a : b).add(samples[i].first, samples[i].second);
+    b.merge(a);
+    EXPECT_EQ(b.sum, in_order.sum);
+    EXPECT_EQ(b.count, in_order.count);
+  }
+}
+
+TEST(PixelSums, HoldMoreThan64Bits) {
+  PixelSums s;
+  const std::int64_t big = std::int64_t{1} << 62;
+  for (std::uint32_t i = 0; i < 16; ++i) s.add({big, -big, 1}, i);
+  Film film({1, 1, 0, 0, 1, 1}, 0);
+  film.at(0, 0) = s;
+  const Image image = film.image(1.f);
+  EXPECT_EQ(image.pixels[0], Rgb(0x1p62f, -0x1p62f, 1.f));
+}
+
+TEST(Film, ImageIsTheScaledMean) {
+  Film film({10, 8, 2, 3, 5, 5}, 20);
+  film.at(2, 3).add(fixed({1, 2, 4}), 0);
+  film.at(2, 3).add(fixed({3, 2, 0}), 1);
+  film.at(4, 4).add(fixed({5, 5, 5}), 7);
+  const Image image = film.image(2.f);
+  ASSERT_EQ(image.width, 3u);
+  ASSERT_EQ(image.height, 2u);
+  EXPECT_EQ(image.pixels[0], Rgb(4, 4, 4));
+  EXPECT_EQ(image.pixels[1], Rgb(0, 0, 0));
+  EXPECT_EQ(image.pixels[5], Rgb(10, 10, 10));
+}
+
+TEST(Film, HalvesEstimateTheError) {
+  Film one({2, 1, 0, 0, 2, 1}, 24);
+  EXPECT_EQ(one.estimated_relmse(1), 0);
+  one.at(0, 0).add(fixed({1, 1, 1}, 24), 0);
+  EXPECT_EQ(one.estimated_relmse(1), 0) << "one half tells nothing";
+  one.at(0, 0).add(fixed({3, 1, 1}, 24), 1);
+  EXPECT_NEAR(one.estimated_relmse(1), (4. / 4 / (4 + 0.01)) / 3, 1e-9);
+
+  // Against the true variance of the mean: n samples of variance v have v/n.
+  constexpr std::uint32_t kSide = 64, kSamples = 32;
+  Film film({kSide, kSide, 0, 0, kSide, kSide}, 24);
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> value(0.f, 2.f);
+  for (std::uint32_t y = 0; y < kSide; ++y)
+    for (std::uint32_t x = 0; x < kSide; ++x)
+      for (std::uint32_t s = 0; s < kSamples; ++s)
+        film.at(x, y).add(fixed({value(random), value(random), value(random)}, 24), s);
+  const double expected = (4. / 12 / kSamples) / 1.01;
+  EXPECT_NEAR(film.estimated_relmse(1) / expected, 1, 0.05);
+}
+
+TEST(FilmOptions, CropsAsPbrtDoes) {
+  Warnings warnings;
+  const Entity film = entity("image", {integer("xresolution", 700), integer("yresolution", 500),
+                                       reals("cropwindow", {.34f, .49f, .67f, .8f})});
+  const FilmFrame f = film_options(film, Dialect::v2, warnings).frame;
+  EXPECT_EQ(f, (FilmFrame{700, 500, 238, 335, 343, 400}));
+  EXPECT_EQ(f.pixels(), 105u * 65u);
+  EXPECT_TRUE(warnings.list().empty());
+}
+
+TEST(FilmOptions, NeighbouringCropsMeetWithoutOverlap) {
+  Warnings warnings;
+  std::uint32_t end = 0;
+  for (int i = 0; i < 7; ++i) {
+    const float a = static_cast<float>(i) / 7.f, b = static_cast<float>(i + 1) / 7.f;
+    const FilmFrame f =
+        film_options(entity("image", {integer("xresolution", 100), integer("yresolution", 10),
+                                      reals("cropwindow", {a, b, 0, 1})}), Dialect::v3, warnings).frame;
+    EXPECT_EQ(f.x0, end);
+    end = f.x1;
+  }
+  EXPECT_EQ(end, 100u);
+}
+
+TEST(FilmOptions, EmptyCropsKeepOnePixel) {
+  Warnings warnings;
+  const FilmFrame f = film_options(entity("image", {integer("xresolution", 10), integer("yresolution", 10),
+                                                    reals("cropwindow", {1, 1, 0.5f, 0.5f})}), Dialect::v2, warnings).frame;
+  EXPECT_EQ(f, (FilmFrame{10, 10, 9, 5, 10, 6}));
+}
+
+TEST(FilmOptions, HaveTheDefaultsOfTheirDialect) {
+  Warnings warnings;
+  const FilmOptions v2 = film_options(entity("image", {}), Dialect::v2, warnings);
+  EXPECT_EQ(v2.frame, (FilmFrame{640, 480, 0, 0, 640, 480}));
+  EXPECT_EQ(v2.filename, "pbrt.exr");
+  const FilmOptions v3 = film_options(entity("image", {reals("scale", {6}), reals("diagonal", {35}),
+                                                       reals("maxsampleluminance", {10})}), Dialect::v3, warnings);
+  EXPECT_EQ(v3.frame, (FilmFrame{1280, 720, 0, 0, 1280, 720}));
+  EXPECT_EQ(v3.scale, 6.f);
+  EXPECT_EQ(v3.max_sample_luminance, 10.f);
+  EXPECT_TRUE(warnings.list().empty());
+}
+
+TEST(FilmOptions, RefusesImpossibleSizes) {
+  Warnings warnings;
+  EXPECT_THROW(film_options(entity("image", {integer("xresolution", 0)}), Dialect::v2, warnings), SceneError);
+  EXPECT_THROW(film_options(entity("image", {integer("yresolution", -3)}), Dialect::v2, warnings), SceneError);
+  EXPECT_THROW(film_options(entity("image", {reals("cropwindow", {0, 1})}), Dialect::v2, warnings), SceneError);
+}
+
+TEST(FilmOptions, NamesAFileThatCanBeWritten) {
+  Warnings warnings;
+  EXPECT_EQ(film_options(entity("image", {string("filename", "a/b.tga")}), Dialect::v2, warnings).filename, "a/b.exr");
+  EXPECT_EQ(warnings.list().size(), 1u);
+  EXPECT_EQ(film_options(entity("image", {string("filename", "a/b.png")}), Dialect::v2, warnings).filename, "a/b.png");
+  EXPECT_EQ(warnings.list().size(), 1u);
+}
+
+}  // namespace
+}  // namespace cloudrenderer
