@@ -32,17 +32,22 @@ class Lights {
   virtual bool has_infinite() const = 0;
   virtual std::uint64_t bytes() const = 0;
 
-  // Chooses a light with u_light and a direction with u. `n` is the shading normal (zero vector in a medium).
-  // Returns false when nothing can arrive.
+  // Chooses a light with u_light and a direction with u. `n` is the shading normal on the side whose light matters:
+  // turned towards the viewer for a surface that only reflects, the zero vector where both sides count (transmission,
+  // media). Light from below n's horizon is sampled rarely, or left to the BSDF's samples; the estimate stays right
+  // with any n. Returns false when nothing can arrive. A pure function of its arguments.
   virtual bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u, LightSample& out) const = 0;
 
   // Radiance that arrives along `direction` (unit) from outside the scene: all infinite lights.
   // pdf is what sample(p, n) has for this direction (chance of the lights included).
   virtual Rgb escaped(const Vec3& p, const Vec3& n, const Vec3& direction, float& pdf) const = 0;
+  // The same where no density is needed: camera rays and specular bounces.
+  virtual Rgb escaped(const Vec3& direction) const = 0;
 
   // Radiance that the emissive shape `light` (running number) emits at a hit towards -direction; ng: the surface's
   // geometric normal as in SurfacePoint. pdf: what sample(p, n) has for this direction, p, n being where the ray
-  // started (pass pdf = null when not needed). `t` is the distance along the unit direction.
+  // started. `t` is the distance along the unit direction, `primitive` the source triangle number (any for quadrics).
+  // A pdf of 0: the shape is not found by sample(), all weight is with the ray that hit it.
   virtual Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2& uv, const Vec3& direction) const = 0;
   virtual float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction, float t,
                             const Vec3& hit_point, const Vec3& hit_ng, std::uint32_t primitive) const = 0;

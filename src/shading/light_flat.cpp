@@ -1,0 +1,49 @@
+// Emissive triangles and parallelograms, sampled uniformly by area.
+#include "base/sampling.h"
+#include "shading/light_record.h"
+
+namespace cloudrenderer {
+
+std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0, const Vec3& edge1,
+                                          const Vec3& normal, const Rgb& radiance, bool two_sided) {
+  const bool triangle = kind == EmitterKind::triangle;
+  const float area = glm::length(glm::cross(edge0, edge1)) * (triangle ? 0.5f : 1.f);
+  if (!(area > 0.f && area < kInfinity && 1.f / area < kInfinity)) return std::nullopt;
+  EmitterAndBounds out;
+  Emitter& e = out.emitter;
+  e.kind = kind;
+  e.two_sided = two_sided;
+  e.radiance = radiance;
+  e.position = corner;
+  e.edge0 = edge0;
+  e.edge1 = edge1;
+  e.axis = normal;
+  e.area_pdf = 1.f / area;
+
+  EmitterBounds& b = out.bounds;
+  b.shape = two_sided ? EmitterShape::planar_two_sided : EmitterShape::planar;
+  b.axis = normal;
+  b.strength = average(radiance) * area;
+  b.center = corner + (edge0 + edge1) * (triangle ? 1.f / 3.f : 0.5f);
+  for (const Vec3& v : {corner, corner + edge0, corner + edge1, corner + edge0 + edge1}) {
+    if (triangle && v == corner + edge0 + edge1) continue;
+    b.radius = std::max(b.radius, glm::length(v - b.center));
+  }
+  return out;
+}
+
+bool sample_flat(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out) {
+  const Vec2 b = e.kind == EmitterKind::triangle ? sample_triangle(u) : u;
+  const Vec3 w = e.position + e.edge0 * b.x + e.edge1 * b.y - p;
+  const float d2 = glm::dot(w, w);
+  out.distance = std::sqrt(d2);
+  out.wi = w * (1.f / out.distance);
+  const float cosine = -glm::dot(e.axis, out.wi);
+  if (!(cosine > 0.f) && !e.two_sided) return false;
+  out.pdf = solid_angle_pdf(e.area_pdf, d2, std::fabs(cosine));
+  out.radiance = e.radiance;
+  out.delta = false;
+  return out.pdf > 0.f && out.pdf < kInfinity;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,48 @@
+#pragma once
+#include <vector>
+
+#include "base/log.h"
+#include "base/sampling.h"
+#include "scene/description.h"
+
+namespace cloudrenderer {
+
+// LightSource "infinite": radiance from all directions, constant or from a latitude-longitude map (z is up, u runs
+// with the azimuth from x to y, v from +z down), bilinear and repeating as pbrt's level 0. Private to the lights.
+class InfiniteLight {
+ public:
+  // A map that cannot be read is a warning, and the light is constant, as in pbrt.
+  InfiniteLight(const LightDesc& desc, Warnings& warnings);
+
+  const Rgb& mean() const { return mean_; }  // over the sphere
+  Rgb radiance(const Vec3& direction) const;
+  // n: normal at the point, or zero. Constant lights are sampled by the cosine to n, maps by their luminance.
+  bool sample(const Vec3& n, const Vec2& u, Vec3& direction, float& pdf, Rgb& radiance) const;
+  float pdf(const Vec3& n, const Vec3& direction) const;
+  // Both of a direction in one pass.
+  Rgb radiance_and_pdf(const Vec3& n, const Vec3& direction, float& pdf) const;
+  std::uint64_t bytes() const { return texels_.size() * sizeof(Rgb) + 2 * sizeof(float) * cells_; }
+
+ private:
+  struct MapPoint {
+    Vec2 uv;
+    float sine;     // of the polar angle
+    float stretch;  // solid angle in light space over that in the world
+  };
+  bool has_map() const { return !texels_.empty(); }
+  void read_map(const LightDesc& desc, const std::string& path, Warnings& warnings);
+  void prepare_sampling();
+  MapPoint map_point(const Vec3& direction) const;
+  Rgb lookup(const Vec2& uv) const;
+  float map_pdf(const MapPoint& m) const;
+
+  glm::mat3 to_world_{1.f}, to_light_{1.f};
+  float inverse_volume_ = 1;  // 1 / |det to_world_|
+  Rgb constant_{1.f}, mean_{1.f};
+  int width_ = 0, height_ = 0;
+  std::vector<Rgb> texels_;
+  Distribution2D distribution_;
+  std::uint64_t cells_ = 0;
+};
+
+}  // namespace cloudrenderer

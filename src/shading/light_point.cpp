@@ -1,0 +1,130 @@
+// LightSource "point", "spot" and "distant": lights that only a light sample finds.
+#include "base/portable_math.h"
+#include "shading/light_record.h"
+
+namespace cloudrenderer {
+namespace {
+
+Rgb scaled(const LightDesc& desc, const char* name) {
+  const Rgb c = desc.params.rgb(name, Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
+  for (const char* samples : {"nsamples", "samples"}) desc.params.integer(samples, 1);
+  if (!is_finite(c)) throw SceneError{desc.location, "the light's radiance must be finite"};
+  return c;
+}
+
+Vec3 unit(const LightDesc& desc, const Vec3& v) {
+  const float length = glm::length(v);
+  if (!(length > 0.f && length < kInfinity))
+    throw SceneError{desc.location, "the light needs a direction: `from` and `to` must be different points"};
+  return v / length;
+}
+
+EmitterBounds bounds_at(const Vec3& position, float strength) {
+  EmitterBounds b;
+  b.center = position;
+  b.strength = strength;
+  return b;
+}
+
+bool towards(const Vec3& position, const Vec3& p, LightSample& out, float& inverse_square) {
+  const Vec3 w = position - p;
+  const float d2 = glm::dot(w, w);
+  if (!(d2 > 1e-30f && d2 < kInfinity)) return false;
+  out.distance = std::sqrt(d2);
+  out.wi = w / out.distance;
+  inverse_square = 1.f / d2;
+  out.pdf = 1;
+  out.delta = true;
+  return true;
+}
+
+}  // namespace
+
+std::optional<EmitterAndBounds> make_point(const LightDesc& desc) {
+  EmitterAndBounds out;
+  Emitter& e = out.emitter;
+  e.radiance = scaled(desc, "I");
+  // As in pbrt, `from` is added after the transformation.
+  e.position = desc.params.point3("from", Vec3(0.f)) + desc.light_to_world.point(Vec3(0.f));
+  out.bounds = bounds_at(e.position, average(e.radiance));
+  if (!(out.bounds.strength > 0.f)) return std::nullopt;
+  return out;
+}
+
+bool sample_point(const Emitter& e, const Vec3& p, LightSample& out) {
+  float inverse_square;
+  if (!towards(e.position, p, out, inverse_square)) return false;
+  out.radiance = e.radiance * inverse_square;
+  return true;
+}
+
+std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone) {
+  EmitterAndBounds out;
+  Emitter& e = out.emitter;
+  e.kind = EmitterKind::spot;
+  e.radiance = scaled(desc, "I");
+  const Vec3 from = desc.params.point3("from", Vec3(0.f)), to = desc.params.point3("to", Vec3(0, 0, 1));
+  const float angle = desc.params.real("coneangle", 30.f), delta = desc.params.real("conedeltaangle", 5.f);
+  const Vec3 direction = unit(desc, to - from);
+  e.position = desc.light_to_world.point(from);
+  e.axis = unit(desc, desc.light_to_world.vector(direction));
+  // The cone is measured in the light's space, where its axis is z.
+  const Frame frame(direction);
+  cone.world_to_light =
+      glm::transpose(glm::mat3(frame.s, frame.t, frame.n)) * glm::mat3(desc.light_to_world.inverse_matrix());
+  cone.cos_total = portable::cos(angle * (kPi / 180));
+  cone.cos_start = portable::cos((angle - delta) * (kPi / 180));
+
+  out.bounds = bounds_at(e.position, average(e.radiance));
+  if (!(out.bounds.strength > 0.f)) return std::nullopt;
+  // A distorting transformation makes another cone: then nothing is ruled out beforehand.
+  const glm::mat3 m(desc.light_to_world.matrix());
+  const float x = glm::length(m[0]), y = glm::length(m[1]), z = glm::length(m[2]);
+  if (std::max({x, y, z}) < 1.001f * std::min({x, y, z})) {
+    out.bounds.shape = EmitterShape::cone;
+    out.bounds.axis = e.axis;
+    out.bounds.cos_spread = 1;
+    out.bounds.cos_emission = std::max(-1.f, cone.cos_total - 1e-3f);
+  }
+  return out;
+}
+
+bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSample& out) {
+  float inverse_square;
+  if (!towards(e.position, p, out, inverse_square)) return false;
+  const Vec3 local = cone.world_to_light * -out.wi;
+  const float cosine = local.z / glm::length(local);
+  if (!(cosine >= cone.cos_total)) return false;
+  float falloff = 1;
+  if (cosine <= cone.cos_start) {  // both versions of pbrt: the fourth power
+    const float t = (cosine - cone.cos_total) / (cone.cos_start - cone.cos_total);
+    falloff = (t * t) * (t * t);
+  }
+  out.radiance = e.radiance * (falloff * inverse_square);
+  return falloff > 0.f;
+}
+
+std::optional<EmitterAndBounds> make_distant(const LightDesc& desc) {
+  EmitterAndBounds out;
+  Emitter& e = out.emitter;
+  e.kind = EmitterKind::distant;
+  e.radiance = scaled(desc, "L");
+  const Vec3 from = desc.params.point3("from", Vec3(0.f)), to = desc.params.point3("to", Vec3(0, 0, 1));
+  e.axis = unit(desc, desc.light_to_world.vector(from - to));
+  out.bounds.shape = EmitterShape::distant;
+  out.bounds.axis = e.axis;
+  out.bounds.strength = average(e.radiance);
+  if (!(out.bounds.strength > 0.f)) return std::nullopt;
+  return out;
+}
+
+bool sample_distant(const Emitter& e, LightSample& out) {
+  out.wi = e.axis;
+  out.distance = kInfinity;
+  out.radiance = e.radiance;
+  out.pdf = 1;
+  out.delta = true;
+  return true;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,177 @@
+// Emissive spheres (by the cone in which they are seen), disks and cylinders (by area).
+#include <cmath>
+
+#include "base/sampling.h"
+#include "shading/light_record.h"
+
+namespace cloudrenderer {
+namespace {
+
+// The cone of directions in which a sphere is seen from outside. 1 - cos is kept instead of cos, so that a sphere of
+// 1e-9 steradian still has a cone, and that of a sphere that is touched is a half space.
+struct VisibleCone {
+  float one_minus_cos = 0;
+  VisibleCone(float radius2, float distance2) {
+    const float sin2 = radius2 / distance2;
+    one_minus_cos = sin2 / (1.f + std::sqrt(std::max(0.f, 1.f - sin2)));
+  }
+  float pdf() const { return one_minus_cos > 1e-35f ? 1.f / (2 * kPi * one_minus_cos) : 0.f; }
+};
+
+// A direction of the cone around the unit vector `axis`; sin2 is the squared sine of its angle to the axis.
+Vec3 sample_cone(const VisibleCone& cone, const Vec3& axis, const Vec2& u, float& cosine, float& sin2) {
+  const float x = u.x * cone.one_minus_cos;
+  cosine = 1.f - x;
+  sin2 = x * (2.f - x);
+  const float r = std::sqrt(sin2);
+  float s, c;
+  portable::sincos(2 * kPi * u.y, s, c);
+  return Frame(axis).to_world({r * c, r * s, cosine});
+}
+
+constexpr float kUniformPdf = 1.f / (4 * kPi);
+
+bool is_whole(const Quadric& q) {
+  return q.z_min <= -q.radius && q.z_max >= q.radius && q.phi_max >= 2 * kPi * 0.999999f;
+}
+
+bool is_similarity(const glm::mat3& m) {
+  const float x = glm::dot(m[0], m[0]), y = glm::dot(m[1], m[1]), z = glm::dot(m[2], m[2]);
+  const float tolerance = 1e-5f * x;
+  return std::fabs(x - y) < tolerance && std::fabs(x - z) < tolerance && std::fabs(glm::dot(m[0], m[1])) < tolerance &&
+         std::fabs(glm::dot(m[0], m[2])) < tolerance && std::fabs(glm::dot(m[1], m[2])) < tolerance;
+}
+
+}  // namespace
+
+std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance, bool two_sided,
+                                             EmissiveQuadric& record) {
+  Vec3 p, n;
+  float density;
+  if (!sample_area(q, flip, Vec2(0.5f), p, n, density) || !(density > 0.f && density < kInfinity)) return std::nullopt;
+  record.quadric = q;
+  record.flip = flip;
+  record.to_world = glm::mat3(q.object_to_world.matrix());
+  record.to_object = glm::mat3(glm::inverse(glm::dmat3(record.to_world)));
+  record.offset = q.object_to_world.point(Vec3(0.f));
+  record.inverse_volume = 1.f / std::fabs(glm::determinant(record.to_world));
+  if (!std::isfinite(record.inverse_volume)) return std::nullopt;
+
+  EmitterAndBounds out;
+  Emitter& e = out.emitter;
+  e.radiance = radiance;
+  e.two_sided = two_sided;
+  const Bounds3 box = world_bounds(q);
+  EmitterBounds& b = out.bounds;
+  b.center = box.center();
+  b.radius = 0.5f * glm::length(box.diagonal());
+  const float area = surface_area(q);
+  if (q.kind == QuadricKind::sphere) {
+    b.strength = average(radiance) * area / 4;  // seen from anywhere: pi r^2
+    e.kind = EmitterKind::sphere_part;
+    if (is_whole(q) && is_similarity(record.to_world)) {
+      e.kind = EmitterKind::sphere;
+      e.position = b.center = record.offset;
+      b.radius = q.radius * glm::length(record.to_world[0]);
+      e.radius2 = b.radius * b.radius;
+      e.outward = flip == q.object_to_world.swaps_handedness();
+    }
+  } else {
+    e.kind = EmitterKind::quadric;
+    b.strength = average(radiance) * area;
+    if (q.kind == QuadricKind::disk) {
+      b.shape = two_sided ? EmitterShape::planar_two_sided : EmitterShape::planar;
+      b.axis = n;
+      b.center = record.to_world * Vec3(0, 0, q.height) + record.offset;
+      b.radius = q.radius * std::sqrt(glm::dot(record.to_world[0], record.to_world[0]) +
+                                      glm::dot(record.to_world[1], record.to_world[1]));
+    } else {
+      b.strength /= kPi;  // a cylinder shows 2 r h of its 2 pi r h
+    }
+  }
+  return out;
+}
+
+bool sample_sphere(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out) {
+  const Vec3 w = e.position - p;
+  const float d2 = glm::dot(w, w);
+  const bool outside = d2 > e.radius2;
+  if (outside != e.outward && !e.two_sided) return false;
+  out.radiance = e.radiance;
+  out.delta = false;
+  if (!outside) {
+    out.wi = sample_uniform_sphere(u);
+    const float along = glm::dot(out.wi, w);
+    out.distance = along + std::sqrt(std::max(0.f, along * along + (e.radius2 - d2)));
+    out.pdf = kUniformPdf;
+    return true;
+  }
+  const VisibleCone cone(e.radius2, d2);
+  const float d = std::sqrt(d2);
+  float cosine, sin2;
+  out.wi = sample_cone(cone, w * (1.f / d), u, cosine, sin2);
+  out.distance = std::max(0.f, d * cosine - std::sqrt(std::max(0.f, e.radius2 - d2 * sin2)));
+  out.pdf = cone.pdf();
+  return out.pdf > 0.f;
+}
+
+float sphere_pdf(const Emitter& e, const Vec3& p) {
+  const Vec3 w = e.position - p;
+  const float d2 = glm::dot(w, w);
+  return d2 > e.radius2 ? VisibleCone(e.radius2, d2).pdf() : kUniformPdf;
+}
+
+bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u, LightSample& out) {
+  const Vec3 w = q.to_object * (q.offset - p);  // towards the centre, in object space
+  const float d2 = glm::dot(w, w), r2 = q.quadric.radius * q.quadric.radius;
+  Vec3 direction;
+  float pdf = kUniformPdf;
+  if (d2 > r2) {
+    const VisibleCone cone(r2, d2);
+    float cosine, sin2;
+    direction = sample_cone(cone, w / std::sqrt(d2), u, cosine, sin2);
+    pdf = cone.pdf();
+  } else {
+    direction = sample_uniform_sphere(u);
+  }
+  const Vec3 world = q.to_world * direction;
+  const float stretch = glm::length(world);
+  out.wi = world / stretch;
+  out.pdf = pdf * stretch * stretch * stretch * q.inverse_volume;
+  if (!(out.pdf > 0.f && out.pdf < kInfinity) || !is_finite(out.wi)) return false;
+  // The first point on the surface as it is. Starting on the surface itself must not find that same point.
+  QuadricHit hit;
+  const float scale = std::sqrt(d2) * stretch;
+  if (!intersect(q.quadric, p, out.wi, 1e-5f * scale, kInfinity, hit)) return false;
+  const SurfacePoint point = surface_point(q.quadric, q.flip, p, out.wi, hit.t);
+  if (!e.two_sided && !(glm::dot(point.ng, out.wi) < 0.f)) return false;
+  out.distance = hit.t;
+  out.radiance = e.radiance;
+  out.delta = false;
+  return true;
+}
+
+float sphere_part_pdf(const EmissiveQuadric& q, const Vec3& p, const Vec3& direction) {
+  const Vec3 w = q.to_object * (q.offset - p);
+  const float d2 = glm::dot(w, w), r2 = q.quadric.radius * q.quadric.radius;
+  const float stretch = 1.f / glm::length(q.to_object * direction);
+  return (d2 > r2 ? VisibleCone(r2, d2).pdf() : kUniformPdf) * stretch * stretch * stretch * q.inverse_volume;
+}
+
+bool sample_quadric(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u, LightSample& out) {
+  Vec3 point, normal;
+  float density;
+  if (!sample_area(q.quadric, q.flip, u, point, normal, density)) return false;
+  const Vec3 w = point - p;
+  const float d2 = glm::dot(w, w);
+  out.distance = std::sqrt(d2);
+  out.wi = w * (1.f / out.distance);
+  const float cosine = -glm::dot(normal, out.wi);
+  if (!(cosine > 0.f) && !e.two_sided) return false;
+  out.pdf = solid_angle_pdf(density, d2, std::fabs(cosine));
+  out.radiance = e.radiance;
+  out.delta = false;
+  return out.pdf > 0.f && out.pdf < kInfinity;
+}
+
+}  // namespace cloudrenderer

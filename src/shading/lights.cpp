@@ -1,0 +1,299 @@
+#include "shading/lights.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "shading/light_infinite.h"
+#include "shading/light_record.h"
+#include "shapes/triangle.h"
+
+namespace cloudrenderer {
+namespace {
+
+// What an AreaLightSource says.
+struct Emission {
+  Rgb radiance{0};
+  bool two_sided = false;
+};
+
+class SceneLights final : public Lights {
+ public:
+  SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights, const Part& part,
+              Warnings& warnings) {
+    for (const LightDesc& desc : scene.lights) add_light(desc, warnings);
+    add_emissions(scene, shape_lights, warnings);
+    add_shapes(part, scene.dialect);
+    choice_ = LightChoice(bounds_);
+    bounds_ = {};
+  }
+
+  bool empty() const override { return emitters_.empty() && !emits_; }
+  bool has_infinite() const override { return !infinite_.empty(); }
+  std::uint64_t bytes() const override {
+    std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() + quadrics_.size() * sizeof(EmissiveQuadric) +
+                      by_primitive_.size() * sizeof(std::uint32_t) + emissions_.size() * sizeof(Emission);
+    for (const InfiniteLight& light : infinite_) n += light.bytes();
+    return n;
+  }
+
+  bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u, LightSample& out) const override {
+    if (emitters_.empty()) return false;
+    float chance;
+    const std::int64_t chosen = choice_.sample(p, n, u_light, chance);
+    if (chosen < 0) return false;
+    const auto number = static_cast<std::size_t>(chosen);
+    if (!sample_emitter(number, p, n, u, out)) return false;
+    out.pdf *= chance;
+    if (emitters_[number].kind == EmitterKind::infinite && infinite_.size() > 1) {
+      // Every infinite light could have given this direction, and all of them shine from there.
+      out.radiance = escaped(p, n, out.wi, out.pdf);
+    }
+    return out.pdf > 0.f && out.pdf < kInfinity;
+  }
+
+  Rgb escaped(const Vec3& p, const Vec3& n, const Vec3& direction, float& pdf) const override {
+    Rgb sum(0.f);
+    pdf = 0;
+    for (std::size_t i = 0; i < infinite_.size(); ++i) {
+      float density;
+      sum += infinite_[i].radiance_and_pdf(n, direction, density);
+      if (density > 0.f) pdf += density * choice_.chance(infinite_emitters_[i], p, n);
+    }
+    return sum;
+  }
+
+  Rgb escaped(const Vec3& direction) const override {
+    Rgb sum(0.f);
+    for (const InfiniteLight& light : infinite_) sum += light.radiance(direction);
+    return sum;
+  }
+
+  Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2&, const Vec3& direction) const override {
+    const Emission& e = emissions_[light];
+    return e.two_sided || glm::dot(ng, direction) < 0.f ? e.radiance : Rgb(0.f);
+  }
+
+  float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction, float t, const Vec3&,
+                    const Vec3& hit_ng, std::uint32_t primitive) const override {
+    const PrimitiveRange& range = ranges_[light];
+    if (range.count == 0) return 0.f;
+    // Quadrics have one entry, whatever their primitive number is.
+    const std::uint32_t i = range.count == 1 ? 0 : primitive;
+    const std::uint32_t number = i < range.count ? by_primitive_[range.first + i] : kNone;
+    if (number == kNone) return 0.f;
+    const Emitter& e = emitters_[number];
+    float pdf = 0;
+    switch (e.kind) {
+      case EmitterKind::sphere: pdf = sphere_pdf(e, p); break;
+      case EmitterKind::triangle:
+      case EmitterKind::parallelogram: pdf = flat_pdf(e, direction, t); break;
+      case EmitterKind::sphere_part: pdf = sphere_part_pdf(quadrics_[e.index], p, direction); break;
+      case EmitterKind::quadric: pdf = quadric_pdf(quadrics_[e.index], direction, t, hit_ng); break;
+      default: return 0.f;
+    }
+    pdf *= choice_.chance(number, p, n);
+    return pdf < kInfinity ? pdf : 0.f;
+  }
+
+ private:
+  struct PrimitiveRange {
+    std::uint32_t first = 0, count = 0;  // in by_primitive_
+  };
+
+  bool sample_emitter(std::size_t number, const Vec3& p, const Vec3& n, const Vec2& u, LightSample& out) const {
+    const Emitter& e = emitters_[number];
+    switch (e.kind) {
+      case EmitterKind::sphere: return sample_sphere(e, p, u, out);
+      case EmitterKind::triangle:
+      case EmitterKind::parallelogram: return sample_flat(e, p, u, out);
+      case EmitterKind::sphere_part: return sample_sphere_part(e, quadrics_[e.index], p, u, out);
+      case EmitterKind::quadric: return sample_quadric(e, quadrics_[e.index], p, u, out);
+      case EmitterKind::point: return sample_point(e, p, out);
+      case EmitterKind::spot: return sample_spot(e, spots_[e.index], p, out);
+      case EmitterKind::distant: return sample_distant(e, out);
+      case EmitterKind::infinite:
+        out.distance = kInfinity;
+        out.delta = false;
+        return infinite_[e.index].sample(n, u, out.wi, out.pdf, out.radiance);
+    }
+    return false;
+  }
+
+  std::uint32_t add(const EmitterAndBounds& e) {
+    emitters_.push_back(e.emitter);
+    bounds_.push_back(e.bounds);
+    return static_cast<std::uint32_t>(emitters_.size() - 1);
+  }
+
+  void add_light(const LightDesc& desc, Warnings& warnings) {
+    std::optional<EmitterAndBounds> made;
+    if (desc.type == "point") {
+      made = make_point(desc);
+    } else if (desc.type == "spot") {
+      SpotCone cone;
+      made = make_spot(desc, cone);
+      if (made) {
+        made->emitter.index = static_cast<std::uint32_t>(spots_.size());
+        spots_.push_back(cone);
+      }
+    } else if (desc.type == "distant") {
+      made = make_distant(desc);
+    } else if (desc.type == "infinite" || desc.type == "exinfinite") {
+      InfiniteLight light(desc, warnings);
+      EmitterAndBounds e;
+      e.emitter.kind = EmitterKind::infinite;
+      e.emitter.index = static_cast<std::uint32_t>(infinite_.size());
+      e.bounds.shape = EmitterShape::everywhere;
+      e.bounds.strength = kPi * average(light.mean());  // what it gives a surface that sees half of it
+      if (e.bounds.strength > 0.f) {
+        infinite_.push_back(std::move(light));
+        infinite_emitters_.push_back(add(e));
+      }
+    } else {
+      warnings.add(desc.location, "light \"" + desc.type + "\" is not supported and left out");
+      return;
+    }
+    if (made) add(*made);
+    desc.params.report_unused("LightSource \"" + desc.type + "\"", warnings);
+  }
+
+  void add_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights, Warnings& warnings) {
+    std::vector<Emission> sources;
+    for (const Entity& desc : scene.area_lights) {
+      Emission e;
+      if (desc.type == "diffuse" || desc.type == "area") {
+        e.radiance = desc.params.rgb("L", Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
+        if (!is_finite(e.radiance)) throw SceneError{desc.location, "the light's radiance must be finite"};
+        for (const char* name : {"nsamples", "samples"}) desc.params.integer(name, 1);
+        if (scene.dialect == Dialect::v3) e.two_sided = desc.params.boolean("twosided", false);
+        desc.params.report_unused("AreaLightSource \"" + desc.type + "\"", warnings);
+      } else {
+        warnings.add(desc.location, "area light \"" + desc.type + "\" is unknown and does not shine");
+      }
+      sources.push_back(e);
+    }
+    for (const AreaLightId id : shape_lights) {
+      emissions_.push_back(id.value < sources.size() ? sources[id.value] : Emission{});
+      emits_ = emits_ || !is_black(emissions_.back().radiance);
+    }
+    ranges_.resize(emissions_.size());
+  }
+
+  void add_shapes(const Part& part, Dialect dialect) {
+    for (const MeshChunk& chunk : part.chunks)
+      if (chunk.light < emissions_.size()) reserve(chunk, part);
+    for (const QuadricRecord& record : part.quadrics)
+      if (record.light < emissions_.size()) ranges_[record.light].count = 1;
+    std::uint32_t total = 0;
+    for (PrimitiveRange& range : ranges_) {
+      range.first = total;
+      total += range.count;
+    }
+    by_primitive_.assign(total, kNone);
+    // A texture that makes holes makes the light unfit for sampling by area; rays that hit it count in full.
+    for (const MeshChunk& chunk : part.chunks)
+      if (chunk.light < emissions_.size() && chunk.alpha_texture == kNone) add_mesh(chunk, part, dialect);
+    for (const QuadricRecord& record : part.quadrics) {
+      if (record.light >= emissions_.size() || record.alpha_texture != kNone) continue;
+      const Emission& emission = emissions_[record.light];
+      EmissiveQuadric quadric;
+      auto made = make_quadric(record.quadric, record.flip != 0, emission.radiance, emission.two_sided, quadric);
+      if (!made || !(made->bounds.strength > 0.f)) continue;
+      made->emitter.index = static_cast<std::uint32_t>(quadrics_.size());
+      quadrics_.push_back(quadric);
+      by_primitive_[ranges_[record.light].first] = add(*made);
+    }
+  }
+
+  void reserve(const MeshChunk& chunk, const Part& part) {
+    PrimitiveRange& range = ranges_[chunk.light];
+    for (std::uint32_t i = 0; i < chunk.triangle_count; ++i)
+      range.count = std::max(range.count, part.source_primitive(chunk, chunk.first_triangle + i) + 1);
+  }
+
+  static TriangleVertices vertices(const MeshChunk& chunk, const Part& part, std::uint32_t triangle) {
+    TriangleVertices out;
+    out.has_normals = chunk.first_normal != kNone;
+    out.has_uvs = chunk.first_uv != kNone;
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t vertex = part.triangles[triangle][i];
+      const auto k = static_cast<std::size_t>(i);
+      out.p[k] = part.positions[vertex];
+      if (out.has_normals) out.n[k] = part.normals[chunk.first_normal + (vertex - chunk.first_vertex)];
+      if (out.has_uvs) out.uv[k] = part.uvs[chunk.first_uv + (vertex - chunk.first_vertex)];
+    }
+    return out;
+  }
+
+  void add_mesh(const MeshChunk& chunk, const Part& part, Dialect dialect) {
+    const Emission& emission = emissions_[chunk.light];
+    if (!(average(emission.radiance) > 0.f)) return;
+    const auto slot = [&](std::uint32_t i) -> std::uint32_t& {
+      return by_primitive_[ranges_[chunk.light].first + part.source_primitive(chunk, chunk.first_triangle + i)];
+    };
+    const auto normal = [&](const TriangleVertices& t) {
+      return triangle_point(t, chunk.flip != 0, dialect, 1.f / 3.f, 1.f / 3.f, false).ng;
+    };
+    for (std::uint32_t i = 0; i < chunk.triangle_count; ++i) {
+      const TriangleVertices a = vertices(chunk, part, chunk.first_triangle + i);
+      const Vec3 n = normal(a);
+      if (i + 1 < chunk.triangle_count) {
+        const TriangleVertices b = vertices(chunk, part, chunk.first_triangle + i + 1);
+        Vec3 corner, edge0, edge1;
+        if (parallelogram(a, b, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
+          if (const auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n, emission.radiance,
+                                          emission.two_sided)) {
+            slot(i) = slot(i + 1) = add(*made);
+            ++i;
+            continue;
+          }
+        }
+      }
+      if (const auto made = make_flat(EmitterKind::triangle, a.p[0], a.p[1] - a.p[0], a.p[2] - a.p[0], n,
+                                      emission.radiance, emission.two_sided))
+        slot(i) = add(*made);
+    }
+  }
+
+  // Two triangles that share an edge and together are a parallelogram: most rectangular lights are given so.
+  static bool parallelogram(const TriangleVertices& a, const TriangleVertices& b, Vec3& corner, Vec3& edge0,
+                            Vec3& edge1) {
+    const auto lone = [](const TriangleVertices& x, const TriangleVertices& y) {
+      int found = -1;
+      for (int i = 0; i < 3; ++i) {
+        if (std::find(y.p.begin(), y.p.end(), x.p[static_cast<std::size_t>(i)]) != y.p.end()) continue;
+        if (found >= 0) return -1;
+        found = i;
+      }
+      return found;
+    };
+    const int i = lone(a, b), j = lone(b, a);
+    if (i < 0 || j < 0) return false;
+    corner = a.p[static_cast<std::size_t>(i)];
+    edge0 = a.p[static_cast<std::size_t>((i + 1) % 3)] - corner;
+    edge1 = a.p[static_cast<std::size_t>((i + 2) % 3)] - corner;
+    const Vec3 gap = corner + edge0 + edge1 - b.p[static_cast<std::size_t>(j)];
+    return glm::length(gap) <= 1e-5f * std::min(glm::length(edge0), glm::length(edge1));
+  }
+
+  std::vector<Emitter> emitters_;
+  std::vector<EmitterBounds> bounds_;  // only while building
+  LightChoice choice_;
+  std::vector<SpotCone> spots_;
+  std::vector<EmissiveQuadric> quadrics_;
+  std::vector<InfiniteLight> infinite_;
+  std::vector<std::uint32_t> infinite_emitters_;
+  std::vector<Emission> emissions_;     // of each emissive shape
+  std::vector<PrimitiveRange> ranges_;  // of each emissive shape
+  std::vector<std::uint32_t> by_primitive_;
+  bool emits_ = false;  // some shape shines, whether or not it can be sampled
+};
+
+}  // namespace
+
+std::unique_ptr<Lights> Lights::build(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
+                                      const Part& main_part, const Bounds3&, Warnings& warnings) {
+  return std::make_unique<SceneLights>(scene, shape_lights, main_part, warnings);
+}
+
+}  // namespace cloudrenderer
