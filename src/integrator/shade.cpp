@@ -16,7 +16,7 @@ constexpr std::uint32_t kCameraDimensions = 2, kVertexDimensions = 4;
 enum VertexDimension : std::uint32_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
 constexpr std::uint16_t kMaxPassed = 1000;    // null surfaces in a row of one path: none is endless
-constexpr std::uint32_t kRouletteFrom = 1;    // vertex after which paths are thinned
+constexpr std::uint32_t kRouletteFrom = 3;    // vertex after which paths are thinned
 
 // A path survives with this times its largest throughput, at most surely.
 constexpr float kRouletteScale = 1.f;
