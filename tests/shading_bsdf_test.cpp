@@ -1,4 +1,5 @@
-// Every lobe: its samples follow its density, its density integrates to 1, its value is reciprocal where it should be.
+// Every lobe: its samples follow its density, its density integrates to 1, its value is reciprocal
+// where it should be.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -22,7 +23,8 @@ struct Case {
 
 std::vector<Case> cases() {
   const Rgb eta(0.2f, 0.92f, 1.1f), k(3.9f, 2.45f, 2.14f);
-  const FresnelTerm plastic_v2 = dielectric_one_sided(1.f / 1.5f), plastic_v3 = dielectric(1.f / 1.5f);
+  const FresnelTerm plastic_v2 = dielectric_one_sided(1.f / 1.5f),
+                    plastic_v3 = dielectric(1.f / 1.5f);
   return {
       {"Lambert", {lambert(Rgb(0.7f))}},
       {"LambertBothSides", {lambert(Rgb(0.5f)), lambert(Rgb(0.3f), true)}},
@@ -30,18 +32,39 @@ std::vector<Case> cases() {
       {"BlinnRough", {microfacet(Rgb(1.f), blinn(0.3f), conductor_v2(eta, k))}},
       {"BlinnSharp", {microfacet(Rgb(1.f), blinn(0.01f), conductor_v2(eta, k))}, true, false},
       {"PlasticV2", {lambert(Rgb(0.4f)), microfacet(Rgb(0.3f), blinn(0.1f), plastic_v2)}},
-      {"PlasticV3", {lambert(Rgb(0.4f)), microfacet(Rgb(0.3f), trowbridge_reitz(0.3f, 0.3f), plastic_v3)}},
+      {"PlasticV3",
+       {lambert(Rgb(0.4f)), microfacet(Rgb(0.3f), trowbridge_reitz(0.3f, 0.3f), plastic_v3)}},
       {"MetalV3", {microfacet(Rgb(1.f), trowbridge_reitz(0.15f, 0.15f), conductor(eta, k))}},
-      {"MetalV3Anisotropic", {microfacet(Rgb(1.f), trowbridge_reitz(0.5f, 0.1f), conductor(eta, k))}},
-      {"SubstrateV2", {fresnel_blend(Rgb(0.4f), Rgb(0.1f), blinn_anisotropic(0.1f, 0.02f))}, true, false},
-      {"SubstrateV3", {fresnel_blend(Rgb(0.4f), Rgb(0.1f), trowbridge_reitz(0.3f, 0.15f))}, true, false},
+      {"MetalV3Anisotropic",
+       {microfacet(Rgb(1.f), trowbridge_reitz(0.5f, 0.1f), conductor(eta, k))}},
+      {"SubstrateV2",
+       {fresnel_blend(Rgb(0.4f), Rgb(0.1f), blinn_anisotropic(0.1f, 0.02f))},
+       true,
+       false},
+      {"SubstrateV3",
+       {fresnel_blend(Rgb(0.4f), Rgb(0.1f), trowbridge_reitz(0.3f, 0.15f))},
+       true,
+       false},
       {"TranslucentV2",
-       {lambert(Rgb(0.2f)), lambert(Rgb(0.2f), true), microfacet(Rgb(0.2f), blinn(0.2f), plastic_v2),
+       {lambert(Rgb(0.2f)), lambert(Rgb(0.2f), true),
+        microfacet(Rgb(0.2f), blinn(0.2f), plastic_v2),
         microfacet(Rgb(0.2f), blinn(0.2f), plastic_v2, true)}},
-      {"RoughGlass", {microfacet_dielectric(Rgb(1.f), Rgb(1.f), trowbridge_reitz(0.3f, 0.3f), 1.5f)}, false, true},
-      {"RoughGlassAnisotropic", {microfacet_dielectric(Rgb(0.9f), Rgb(0.8f), trowbridge_reitz(0.2f, 0.5f), 1.3f)}, false, true},
-      {"RoughTransmission", {lambert(Rgb(0.2f)), microfacet_dielectric(Rgb(0.f), Rgb(0.5f), trowbridge_reitz(0.4f, 0.4f), 1.5f)}, false, true},
-      {"WithSpecular", {lambert(Rgb(0.3f)), specular_reflection(Rgb(0.5f), dielectric(1.5f)), microfacet(Rgb(0.3f), blinn(0.2f), plastic_v2)}},
+      {"RoughGlass",
+       {microfacet_dielectric(Rgb(1.f), Rgb(1.f), trowbridge_reitz(0.3f, 0.3f), 1.5f)},
+       false,
+       true},
+      {"RoughGlassAnisotropic",
+       {microfacet_dielectric(Rgb(0.9f), Rgb(0.8f), trowbridge_reitz(0.2f, 0.5f), 1.3f)},
+       false,
+       true},
+      {"RoughTransmission",
+       {lambert(Rgb(0.2f)),
+        microfacet_dielectric(Rgb(0.f), Rgb(0.5f), trowbridge_reitz(0.4f, 0.4f), 1.5f)},
+       false,
+       true},
+      {"WithSpecular",
+       {lambert(Rgb(0.3f)), specular_reflection(Rgb(0.5f), dielectric(1.5f)),
+        microfacet(Rgb(0.3f), blinn(0.2f), plastic_v2)}},
   };
 }
 
@@ -57,7 +80,9 @@ Vec3 polar(float z, float phi) {
   return {r * std::cos(phi), r * std::sin(phi), z};
 }
 
-std::vector<Vec3> viewers() { return {polar(0.95f, 0.3f), polar(0.6f, 2.f), polar(0.2f, 4.f), polar(-0.5f, 1.f)}; }
+std::vector<Vec3> viewers() {
+  return {polar(0.95f, 0.3f), polar(0.6f, 2.f), polar(0.2f, 4.f), polar(-0.5f, 1.f)};
+}
 
 constexpr int kRows = 20, kColumns = 40;  // cells of equal solid angle: z and phi
 
@@ -73,25 +98,31 @@ class Lobes : public ::testing::TestWithParam<std::size_t> {
   Case c_ = cases()[GetParam()];
 };
 
-std::string case_name(const ::testing::TestParamInfo<std::size_t>& i) { return cases()[i.param].name; }
+std::string case_name(const ::testing::TestParamInfo<std::size_t>& i) {
+  return cases()[i.param].name;
+}
 
 // Pearson's test of the histogram of sampled directions against the integrated density.
 TEST_P(Lobes, SamplesFollowTheDensity) {
   for (const Vec3& wo : viewers()) {
     const Bsdf b = make(c_, wo);
-    // The density in each cell by importance: the samples' own histogram is compared with a quadrature that is as fine
-    // as the sharpest lobe needs.
+    // The density in each cell by importance: the samples' own histogram is compared with a
+    // quadrature that is as fine as the sharpest lobe needs.
     std::mt19937 random(7);
     std::uniform_real_distribution<float> uniform(0.f, 1.f);
     constexpr int kSamples = 40000;
     std::vector<double> seen(kRows * kColumns, 0.0), expected(kRows * kColumns, 0.0);
-    const bool sharp = std::string(c_.name) == "BlinnSharp" || std::string(c_.name) == "SubstrateV2";
+    const bool sharp =
+        std::string(c_.name) == "BlinnSharp" || std::string(c_.name) == "SubstrateV2";
     const int fine = sharp ? 24 : 8;
     for (int r = 0; r < kRows * fine; ++r)
       for (int k = 0; k < kColumns * fine; ++k) {
-        const float z = -1.f + 2.f * (static_cast<float>(r) + 0.5f) / static_cast<float>(kRows * fine);
-        const float phi = -kPi + 2.f * kPi * (static_cast<float>(k) + 0.5f) / static_cast<float>(kColumns * fine);
-        expected[static_cast<std::size_t>((r / fine) * kColumns + k / fine)] += b.pdf(wo, polar(z, phi));
+        const float z =
+            -1.f + 2.f * (static_cast<float>(r) + 0.5f) / static_cast<float>(kRows * fine);
+        const float phi =
+            -kPi + 2.f * kPi * (static_cast<float>(k) + 0.5f) / static_cast<float>(kColumns * fine);
+        expected[static_cast<std::size_t>((r / fine) * kColumns + k / fine)] +=
+            b.pdf(wo, polar(z, phi));
       }
     const double unit = kSamples * 4.0 * kPi / (kRows * kColumns * fine * fine);
     double inside = 0.0;
@@ -104,11 +135,15 @@ TEST_P(Lobes, SamplesFollowTheDensity) {
       BsdfSample s;
       s.pdf = 0.f;
       s.wi = Vec3(0.f);
-      if (!b.sample(wo, uniform(random), {uniform(random), uniform(random)}, s)) lost += 1.0;
-      else if (s.specular) specular += 1.0;
-      else seen[static_cast<std::size_t>(cell_of(s.wi))] += 1.0;
+      if (!b.sample(wo, uniform(random), {uniform(random), uniform(random)}, s))
+        lost += 1.0;
+      else if (s.specular)
+        specular += 1.0;
+      else
+        seen[static_cast<std::size_t>(cell_of(s.wi))] += 1.0;
     }
-    // What the density lacks of 1 is what sampling cannot place: below the horizon, specular, or without value.
+    // What the density lacks of 1 is what sampling cannot place: below the horizon, specular, or
+    // without value.
     EXPECT_LE(inside, kSamples * 1.01) << c_.name;
     EXPECT_NEAR(inside + specular + lost, kSamples, kSamples * 0.01) << c_.name << " wo.z " << wo.z;
     double chi2 = 0.0, pooled_seen = 0.0, pooled_expected = 0.0;
@@ -127,7 +162,8 @@ TEST_P(Lobes, SamplesFollowTheDensity) {
       ++freedom;
     }
     // Wilson and Hilferty: the cube root of chi2 / n is nearly normal. 4.5 deviations.
-    const double n = std::max(1, freedom), z = (std::cbrt(chi2 / n) - (1.0 - 2.0 / (9.0 * n))) / std::sqrt(2.0 / (9.0 * n));
+    const double n = std::max(1, freedom),
+                 z = (std::cbrt(chi2 / n) - (1.0 - 2.0 / (9.0 * n))) / std::sqrt(2.0 / (9.0 * n));
     EXPECT_LT(z, 4.5) << c_.name << " wo.z " << wo.z << " chi2 " << chi2 << " of " << freedom;
   }
 }
@@ -150,11 +186,13 @@ TEST_P(Lobes, WeightIsValueOverDensity) {
       }
       float pdf;
       const Rgb f = b.eval_cos(wo, s.wi, pdf);
-      // directions that were sampled in the last bit of their range differ after the way through world space
+      // directions that were sampled in the last bit of their range differ after the way through
+      // world space
       if (pdf < 1e-3f || std::fabs(glm::dot(s.wi, frame.n)) < 1e-3f) continue;
       const float tolerance = 0.02f;
       EXPECT_NEAR(s.pdf / pdf, 1.f, tolerance);
-      for (int ch = 0; ch < 3; ++ch) EXPECT_NEAR(s.weight[ch], f[ch] / pdf, tolerance * (0.01f + f[ch] / pdf));
+      for (int ch = 0; ch < 3; ++ch)
+        EXPECT_NEAR(s.weight[ch], f[ch] / pdf, tolerance * (0.01f + f[ch] / pdf));
     }
   }
 }
@@ -165,7 +203,8 @@ TEST_P(Lobes, IsReciprocal) {
   std::uniform_real_distribution<float> uniform(0.f, 1.f);
   const Bsdf b = make(c_, Vec3(0, 0, 1));
   for (int i = 0; i < 2000; ++i) {
-    const Vec3 wo = polar(uniform(random), 7.f * uniform(random)), wi = polar(2.f * uniform(random) - 1.f, 7.f * uniform(random));
+    const Vec3 wo = polar(uniform(random), 7.f * uniform(random)),
+               wi = polar(2.f * uniform(random) - 1.f, 7.f * uniform(random));
     const Rgb f = b.eval(wo, wi), g = b.eval(wi, wo);
     // pbrt-v3's plastic treats the two sides differently; above the surface it is reciprocal
     if (wi.z < 0.f) continue;
@@ -207,7 +246,8 @@ TEST(Bsdf, RoughGlassWithoutAbsorptionKeepsMostEnergy) {
       if (b.sample(wo, uniform(random), {uniform(random), uniform(random)}, s))
         sum += static_cast<double>(s.weight.x) * s.eta * s.eta;
     }
-    EXPECT_NEAR(sum / 20000, 1.0, std::fabs(z) < 0.4f ? 0.1 : 0.03) << z;  // single scattering loses a little
+    EXPECT_NEAR(sum / 20000, 1.0, std::fabs(z) < 0.4f ? 0.1 : 0.03)
+        << z;  // single scattering loses a little
   }
 }
 
@@ -217,11 +257,13 @@ TEST(Bsdf, TheGeometricNormalDecidesBetweenReflectionAndTransmission) {
   b.add(lambert(Rgb(1.f)));
   const Vec3 wo(0, 0, 1);
   b.finish(wo);
-  const Vec3 under_bent = glm::normalize(Vec3(-0.95f, 0.f, 0.1f));  // above the surface, below the bent horizon
+  const Vec3 under_bent =
+      glm::normalize(Vec3(-0.95f, 0.f, 0.1f));  // above the surface, below the bent horizon
   EXPECT_LT(glm::dot(under_bent, bent.n), 0.f);
   EXPECT_NEAR(b.eval(wo, under_bent).x, kInvPi, 1e-6f);
   EXPECT_EQ(b.pdf(wo, under_bent), 0.f);
-  const Vec3 below = glm::normalize(Vec3(0.95f, 0.f, -0.1f));  // below the surface, above the bent horizon
+  const Vec3 below =
+      glm::normalize(Vec3(0.95f, 0.f, -0.1f));  // below the surface, above the bent horizon
   EXPECT_GT(glm::dot(below, bent.n), 0.f);
   EXPECT_EQ(b.eval(wo, below).x, 0.f);
 }
@@ -258,14 +300,16 @@ TEST(BsdfMath, FresnelAgreesWithTheFormsOfTheBooks) {
   EXPECT_NEAR(fresnel_dielectric(0.f, 1.5f), 1.f, 1e-6f);
   EXPECT_EQ(fresnel_dielectric(0.5f, 1.f / 1.5f), 1.f);
   const float brewster = 1.f / std::sqrt(1.f + 1.5f * 1.5f);
-  EXPECT_NEAR(fresnel_dielectric(brewster, 1.5f), 0.5f * std::pow((2.25f - 1.f) / (2.25f + 1.f), 2.f), 1e-5f);
+  EXPECT_NEAR(fresnel_dielectric(brewster, 1.5f),
+              0.5f * std::pow((2.25f - 1.f) / (2.25f + 1.f), 2.f), 1e-5f);
   const Rgb eta(0.2f, 1.1f, 2.f), k(3.9f, 2.f, 0.f);
   const Rgb f = fresnel_conductor(1.f, eta, k);
   for (int i = 0; i < 3; ++i) {
     const float n = eta[i], x = k[i];
     EXPECT_NEAR(f[i], ((n - 1) * (n - 1) + x * x) / ((n + 1) * (n + 1) + x * x), 1e-5f);
   }
-  EXPECT_NEAR(fresnel_conductor(0.3f, eta, k).z, fresnel_dielectric(0.3f, 2.f), 1e-4f);  // no absorption
+  EXPECT_NEAR(fresnel_conductor(0.3f, eta, k).z, fresnel_dielectric(0.3f, 2.f),
+              1e-4f);  // no absorption
 }
 
 TEST(BsdfMath, CosinePowerIsPrecise) {
@@ -281,13 +325,15 @@ TEST(BsdfMath, CosinePowerIsPrecise) {
 }
 
 TEST(BsdfMath, DistributionsAreNormalised) {
-  for (const Microfacets& m : {blinn(0.1f), blinn_anisotropic(0.2f, 0.05f), trowbridge_reitz(0.3f, 0.3f), trowbridge_reitz(0.5f, 0.2f)}) {
+  for (const Microfacets& m : {blinn(0.1f), blinn_anisotropic(0.2f, 0.05f),
+                               trowbridge_reitz(0.3f, 0.3f), trowbridge_reitz(0.5f, 0.2f)}) {
     const Lobe l = microfacet(Rgb(1.f), m, no_fresnel());
     double sum = 0.0;
     constexpr int kN = 400;
     for (int i = 0; i < kN; ++i)
       for (int j = 0; j < kN; ++j) {
-        const Vec3 w = polar((static_cast<float>(i) + 0.5f) / kN, 2 * kPi * (static_cast<float>(j) + 0.5f) / kN);
+        const Vec3 w = polar((static_cast<float>(i) + 0.5f) / kN,
+                             2 * kPi * (static_cast<float>(j) + 0.5f) / kN);
         sum += static_cast<double>(normal_density(l, w) * w.z);
       }
     EXPECT_NEAR(sum * 2 * kPi / (kN * kN), 1.0, 1e-3);

@@ -1,1 +1,250 @@
 #include <gtest/gtest.h>
+
+#include <random>
+
+#include "shading/bsdf_lobes.h"
+#include "shading/material.h"
+#include "shading_support.h"
+
+namespace cloudrenderer {
+namespace {
+
+using namespace testing;
+
+SurfacePoint plane() {
+  SurfacePoint s;
+  s.ng = s.ns = {0, 0, 1};
+  s.dpdu = s.shading_dpdu = {1, 0, 0};
+  s.dpdv = s.shading_dpdv = {0, 1, 0};
+  return s;
+}
+
+struct Built {
+  explicit Built(std::vector<MaterialDesc> materials, Dialect dialect = Dialect::v2,
+                 std::vector<TextureDesc> textures = {}) {
+    scene.dialect = dialect;
+    scene.materials = std::move(materials);
+    scene.textures = std::move(textures);
+    shading = Shading::build(scene, {}, warnings);
+  }
+  Bsdf at(const SurfacePoint& point = plane(),
+          const Vec3& wo = glm::normalize(Vec3(0.3f, 0.1f, 0.9f))) const {
+    SurfacePoint p = point;
+    return shading->bsdf(static_cast<std::uint32_t>(scene.materials.size() - 1), p, wo, {});
+  }
+  SceneDescription scene;
+  Warnings warnings;
+  std::unique_ptr<Shading> shading;
+};
+
+std::vector<LobeKind> kinds(const Bsdf& b) {
+  std::vector<LobeKind> k;
+  for (int i = 0; i < b.lobe_count(); ++i) k.push_back(b.lobe(i).kind);
+  return k;
+}
+
+using K = LobeKind;
+
+TEST(Materials, HaveTheLobesOfTheirDialect) {
+  const auto both = [](const MaterialDesc& m, const std::vector<K>& v2, const std::vector<K>& v3) {
+    const Built a({m}, Dialect::v2), b({m}, Dialect::v3);
+    EXPECT_EQ(kinds(a.at()), v2) << m.type;
+    EXPECT_EQ(kinds(b.at()), v3) << m.type;
+    EXPECT_TRUE(a.warnings.list().empty()) << a.warnings.list()[0];
+    EXPECT_TRUE(b.warnings.list().empty()) << b.warnings.list()[0];
+  };
+  both(material("matte"), {K::lambert}, {K::lambert});
+  both(material("matte", {real_param("sigma", 20.f)}), {K::oren_nayar}, {K::oren_nayar});
+  both(material("plastic"), {K::lambert, K::microfacet}, {K::lambert, K::microfacet});
+  both(material("metal"), {K::microfacet}, {K::microfacet});
+  both(material("mirror"), {K::specular_reflection}, {K::specular_reflection});
+  both(material("glass"), {K::specular_dielectric}, {K::specular_dielectric});
+  both(material("substrate"), {K::fresnel_blend}, {K::fresnel_blend});
+  both(material("uber"), {K::lambert, K::microfacet}, {K::lambert, K::microfacet});
+  both(material("uber", {rgb_param("opacity", Rgb(0.5f)), rgb_param("Kr", Rgb(1.f)),
+                         rgb_param("Kt", Rgb(1.f))}),
+       {K::specular_transmission, K::lambert, K::microfacet, K::specular_reflection,
+        K::specular_transmission},
+       {K::specular_transmission, K::lambert, K::microfacet, K::specular_reflection,
+        K::specular_transmission});
+  both(material("translucent"), {K::lambert, K::lambert, K::microfacet, K::microfacet},
+       {K::lambert, K::lambert, K::microfacet_dielectric});
+  both(material("shinymetal"), {K::microfacet, K::specular_reflection},
+       {K::microfacet, K::specular_reflection});
+}
+
+TEST(Materials, RoughGlassIsOfV3Only) {
+  const auto glass =
+      material("glass", {real_param("uroughness", 0.1f), real_param("vroughness", 0.1f)});
+  EXPECT_EQ(kinds(Built({glass}, Dialect::v3).at()), std::vector{K::microfacet_dielectric});
+  const Built v2({glass}, Dialect::v2);
+  EXPECT_EQ(kinds(v2.at()), std::vector{K::specular_dielectric});
+  EXPECT_EQ(v2.warnings.list().size(), 2u);  // two parameters that v2 does not have
+}
+
+TEST(Materials, PlasticUsesBlinnInV2AndTrowbridgeReitzInV3) {
+  const auto m = material("plastic", {real_param("roughness", 0.05f)});
+  const Bsdf a = Built({m}, Dialect::v2).at(), b = Built({m}, Dialect::v3).at();
+  EXPECT_EQ(a.lobe(1).distribution, Distribution::blinn);
+  EXPECT_NEAR(a.lobe(1).alpha_x, 20.f, 1e-4f);
+  EXPECT_EQ(b.lobe(1).distribution, Distribution::trowbridge_reitz);
+  EXPECT_NEAR(b.lobe(1).alpha_x, bsdf::roughness_to_alpha(0.05f), 1e-6f);
+  const Bsdf c = Built({material("plastic", {real_param("roughness", 0.05f),
+                                             bool_param("remaproughness", false)})},
+                       Dialect::v3)
+                     .at();
+  EXPECT_NEAR(c.lobe(1).alpha_x, 0.05f, 1e-6f);
+  const Bsdf d = Built({material("plastic", {real_param("roughness", 0.f)})}, Dialect::v2).at();
+  EXPECT_EQ(d.lobe(1).alpha_x, 10000.f);
+}
+
+// pbrt-v2's formulas written out again, against the lobes.
+TEST(Materials, V2PlasticHasTheValueOfTheBook) {
+  const Bsdf b = Built({material("plastic", {rgb_param("Kd", Rgb(0.3f)), rgb_param("Ks", Rgb(0.5f)),
+                                             real_param("roughness", 0.1f)})})
+                     .at();
+  for (const float x : {0.f, 0.5f, 0.9f}) {
+    const Vec3 wo = glm::normalize(Vec3(0.3f, 0.1f, 0.9f)),
+               wi = glm::normalize(Vec3(-x, 0.2f, 1.1f - x));
+    const Vec3 wh = glm::normalize(wo + wi);
+    const float d = 12.f / (2 * kPi) * std::pow(wh.z, 10.f), dot = glm::dot(wo, wh);
+    const float g = std::min(1.f, std::min(2 * wh.z * wo.z / dot, 2 * wh.z * wi.z / dot));
+    const float sin_t = 1.5f * std::sqrt(1 - dot * dot);
+    float f = 1.f;
+    if (sin_t < 1.f) {
+      const float t = std::sqrt(1 - sin_t * sin_t);
+      const float parallel = (dot - 1.5f * t) / (dot + 1.5f * t),
+                  perpendicular = (1.5f * dot - t) / (1.5f * dot + t);
+      f = 0.5f * (parallel * parallel + perpendicular * perpendicular);
+    }
+    const float expected = 0.3f * kInvPi + 0.5f * d * g * f / (4 * wo.z * wi.z);
+    EXPECT_NEAR(b.eval(wo, wi).x, expected, 1e-4f * expected);
+  }
+}
+
+TEST(Materials, NoneIsTheNullMaterialAndNoMaterialIsBlack) {
+  const Built none({material("none")}, Dialect::v3), empty({material("")}, Dialect::v3),
+      matte({material("matte")});
+  EXPECT_TRUE(none.shading->is_null(0));
+  EXPECT_TRUE(empty.shading->is_null(0));
+  EXPECT_FALSE(matte.shading->is_null(0));
+  EXPECT_FALSE(matte.shading->is_null(0xffffffffu));
+  SurfacePoint p = plane();
+  EXPECT_TRUE(matte.shading->bsdf(0xffffffffu, p, {0, 0, 1}, {}).empty());
+}
+
+TEST(Materials, OpacityLetsRaysThroughUnbent) {
+  const Bsdf b = Built({material("uber", {rgb_param("opacity", Rgb(0.f))})}).at();
+  const Vec3 wo = glm::normalize(Vec3(0.3f, 0.1f, 0.9f));
+  BsdfSample s;
+  ASSERT_TRUE(b.sample(wo, 0.5f, {0.5f, 0.5f}, s));
+  EXPECT_TRUE(s.specular && s.transmission);
+  EXPECT_NEAR(glm::length(s.wi + wo), 0.f, 1e-6f);
+  EXPECT_NEAR(s.weight.x, 1.f, 1e-6f);
+}
+
+TEST(Materials, MixAddsScaledLobes) {
+  const auto mix = [](const Rgb& amount) {
+    return material("mix", {rgb_param("amount", amount), string_param("namedmaterial1", "0"),
+                            string_param("namedmaterial2", "1")});
+  };
+  const std::vector parts{
+      material("matte", {rgb_param("Kd", Rgb(0.8f))}),
+      material("plastic", {rgb_param("Kd", Rgb(0.4f)), rgb_param("Ks", Rgb(1.f))})};
+  auto all = parts;
+  all.push_back(mix(Rgb(0.25f)));
+  const Built built(all);
+  const Bsdf b = built.at();
+  ASSERT_EQ(kinds(b), (std::vector{K::lambert, K::microfacet}));  // equal kinds are one lobe
+  EXPECT_NEAR(b.lobe(0).scale.x, 0.25f * 0.8f + 0.75f * 0.4f, 1e-6f);
+  EXPECT_NEAR(b.lobe(1).scale.x, 0.75f, 1e-6f);
+  EXPECT_TRUE(built.warnings.list().empty());
+
+  auto nested = parts;
+  for (int i = 0; i < 12; ++i)
+    nested.push_back(material("mix", {string_param("namedmaterial1", std::to_string(i + 1)),
+                                      string_param("namedmaterial2", std::to_string(i + 1))}));
+  EXPECT_THROW(Built{nested}, SceneError);
+}
+
+TEST(Materials, UnknownAndUnsupportedKindsAreWarnings) {
+  for (const char* kind :
+       {"fourier", "measured", "subsurface", "kdsubsurface", "disney", "hair", "nonsense"}) {
+    const Built b({material(kind)}, Dialect::v3);
+    EXPECT_EQ(b.warnings.list().size(), 1u) << kind;
+    EXPECT_TRUE(b.at().has_smooth()) << kind;
+  }
+}
+
+TEST(Materials, ReportUnusedParameters) {
+  const Built b({material("matte", {real_param("roughness", 0.1f)})});
+  ASSERT_EQ(b.warnings.list().size(), 1u);
+  EXPECT_NE(b.warnings.list()[0].find("roughness"), std::string::npos);
+}
+
+TEST(Materials, NeedOnlyWhatTheyUse) {
+  EXPECT_FALSE(Built({material("plastic")}).shading->needs_uv());
+  EXPECT_FALSE(Built({material("substrate")}).shading->needs_uv());
+  EXPECT_TRUE(Built({material("substrate", {real_param("uroughness", 0.2f)})}).shading->needs_uv());
+  const std::vector textures{texture("c", "constant", false, {rgb_param("value", Rgb(0.7f))}),
+                             texture("u", "uv", false)};
+  EXPECT_FALSE(Built({material("matte", {texture_param("Kd", "c")})}, Dialect::v2, textures)
+                   .shading->needs_uv());
+  const Built uv({material("matte", {texture_param("Kd", "u")})}, Dialect::v2, textures);
+  EXPECT_TRUE(uv.shading->needs_uv());
+  EXPECT_FALSE(uv.shading->needs_footprint());
+  SurfacePoint p = plane();
+  p.uv = {0.25f, 0.5f};
+  EXPECT_NEAR(uv.at(p).lobe(0).scale.x, 0.25f, 1e-6f);
+}
+
+TEST(BumpMaps, TiltTheNormalByTheSlope) {
+  // Height 0.5 u on a plane with p = (u, v, 0): the normal is (-0.5, 0, 1) normalised.
+  const auto ramp = texture("ramp", "bilerp", true,
+                            {real_param("v00", 0.f), real_param("v01", 0.f),
+                             real_param("v10", 0.5f), real_param("v11", 0.5f)});
+  for (const Dialect d : {Dialect::v2, Dialect::v3}) {
+    const Built b({material("matte", {texture_param("bumpmap", "ramp")})}, d, {ramp});
+    EXPECT_TRUE(b.shading->needs_uv());
+    SurfacePoint p = plane();
+    p.uv = {0.3f, 0.4f};
+    const Bsdf bsdf = b.shading->bsdf(0, p, {0, 0, 1}, {});
+    const Vec3 expected = glm::normalize(Vec3(-0.5f, 0, 1));
+    EXPECT_NEAR(glm::length(p.ns - expected), 0.f, 1e-3f);
+    EXPECT_NEAR(glm::length(bsdf.frame().n - expected), 0.f, 1e-3f);
+    EXPECT_EQ(bsdf.ng(), Vec3(0, 0, 1));
+    p = plane();  // a mirrored parametrisation keeps the normal on the geometric side
+    p.dpdv = p.shading_dpdv = {0, -1, 0};
+    p.uv = {0.3f, 0.4f};
+    b.shading->bsdf(0, p, {0, 0, 1}, {});
+    EXPECT_GT(p.ns.z, 0.f);
+  }
+}
+
+TEST(BumpMaps, ConstantHeightsAndDegenerateTangentsChangeNothing) {
+  const auto flat = texture("flat", "constant", true, {real_param("value", 3.f)});
+  const Built b({material("matte", {texture_param("bumpmap", "flat")})}, Dialect::v2, {flat});
+  EXPECT_FALSE(b.shading->needs_uv());
+  const auto ramp = texture("ramp", "bilerp", true);
+  const Built c({material("matte", {texture_param("bumpmap", "ramp")})}, Dialect::v2, {ramp});
+  SurfacePoint p = plane();
+  p.shading_dpdu = p.shading_dpdv = Vec3(0.f);
+  c.shading->bsdf(0, p, {0, 0, 1}, {});
+  EXPECT_EQ(p.ns, Vec3(0, 0, 1));
+}
+
+TEST(Materials, AnisotropyFollowsTheTangent) {
+  const Built b({material("metal", {real_param("uroughness", 0.4f), real_param("vroughness", 0.05f),
+                                    bool_param("remaproughness", false)})},
+                Dialect::v3);
+  SurfacePoint p = plane();
+  p.shading_dpdu = {0, 3, 0};
+  const Vec3 wo(0, 0, 1);
+  const Bsdf bsdf = b.shading->bsdf(0, p, wo, {});
+  const Rgb along = bsdf.eval(wo, glm::normalize(Vec3(0, 0.9f, 1))),
+            across = bsdf.eval(wo, glm::normalize(Vec3(0.9f, 0, 1)));
+  EXPECT_GT(along.x, 2.f * across.x);
+}
+
+}  // namespace
+}  // namespace cloudrenderer

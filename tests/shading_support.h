@@ -33,7 +33,8 @@ inline Param bool_param(const std::string& name, bool v) {
   p.type = ParamType::boolean;
   return p;
 }
-inline Param string_param(const std::string& name, const std::string& v, ParamType type = ParamType::string) {
+inline Param string_param(const std::string& name, const std::string& v,
+                          ParamType type = ParamType::string) {
   Param p;
   p.type = type;
   p.name = name;

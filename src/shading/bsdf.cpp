@@ -25,8 +25,10 @@ Half half_of(const Vec3& wo, const Vec3& wi) {
   return h;
 }
 
-// f without Fresnel and scale, and the density of sampling the reflected direction by its half vector.
-inline float reflect_by_normals(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half& h, float& pdf) {
+// f without Fresnel and scale, and the density of sampling the reflected direction by its half
+// vector.
+inline float reflect_by_normals(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half& h,
+                                float& pdf) {
   const float co = std::fabs(wo.z), ci = std::fabs(wi.z), d = normal_density(l, h.wh);
   if (l.distribution == Distribution::trowbridge_reitz) {
     const float so = smith_root(l, wo), si = smith_root(l, wi);
@@ -41,7 +43,8 @@ inline float reflect_by_normals(const Lobe& l, const Vec3& wo, const Vec3& wi, c
 
 // Density alone, for lobes whose value has another form.
 inline float half_density(const Lobe& l, const Vec3& wo, const Half& h, float d) {
-  if (l.distribution == Distribution::trowbridge_reitz) return d * 0.5f / (std::fabs(wo.z) + smith_root(l, wo));
+  if (l.distribution == Distribution::trowbridge_reitz)
+    return d * 0.5f / (std::fabs(wo.z) + smith_root(l, wo));
   return d * std::fabs(h.wh.z) / (4.f * h.dot);
 }
 
@@ -68,11 +71,13 @@ Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf
   if (!(length2 > 0.f)) return Rgb(0.f);
   wh *= (wh.z < 0.f ? -1.f : 1.f) / std::sqrt(length2);
   const float oh = glm::dot(wo, wh), ih = glm::dot(wi, wh);
-  if (!(oh * ih < 0.f) || !(oh * wo.z > 0.f)) return Rgb(0.f);  // else the facet is seen from its back
+  if (!(oh * ih < 0.f) || !(oh * wo.z > 0.f))
+    return Rgb(0.f);  // else the facet is seen from its back
   const float root = oh + e * ih;
   if (root == 0.f) return Rgb(0.f);
   const float f = fresnel_dielectric(std::fabs(oh), oh > 0.f ? l.eta.x : l.eta.y);
-  const float co = std::fabs(wo.z), ci = std::fabs(wi.z), so = smith_root(l, wo), si = smith_root(l, wi);
+  const float co = std::fabs(wo.z), ci = std::fabs(wi.z), so = smith_root(l, wo),
+              si = smith_root(l, wi);
   const float d = normal_density(l, wh), jacobian = std::fabs(ih) / (root * root);  // times e^2
   // the density of visible normals is D G1 |wo.wh| / co with G1 = 2 co / (co + so)
   pdf = (1.f - reflect_chance(l, f)) * d * 2.f * std::fabs(oh) / (co + so) * jacobian * e * e;
@@ -80,12 +85,14 @@ Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf
   return l.scale2 * ((1.f - f) * d * std::fabs(oh) * jacobian * 2.f / (ci * so + co * si));
 }
 
-Rgb fresnel_blend_value(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half& h, bool same, float& pdf) {
+Rgb fresnel_blend_value(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half& h, bool same,
+                        float& pdf) {
   const float co = std::fabs(wo.z), ci = std::fabs(wi.z);
   const float d = normal_density(l, h.wh);
   if (same) pdf += l.weight * ((1.f - l.mix) * ci * kInvPi + l.mix * half_density(l, wo, h, d));
-  const Rgb diffuse = l.scale * (Rgb(1.f) - l.scale2) *
-                      ((28.f / 23.f) * kInvPi * (1.f - pow5(1.f - 0.5f * ci)) * (1.f - pow5(1.f - 0.5f * co)));
+  const Rgb diffuse =
+      l.scale * (Rgb(1.f) - l.scale2) *
+      ((28.f / 23.f) * kInvPi * (1.f - pow5(1.f - 0.5f * ci)) * (1.f - pow5(1.f - 0.5f * co)));
   const Rgb glossy = schlick(l.scale2, h.dot) * (d / (4.f * h.dot * std::max(ci, co)));
   return l.eta * (diffuse + glossy);
 }
@@ -95,10 +102,13 @@ float albedo_guess(Lobe& l, float wo_z) {
   const float c = std::min(1.f, std::fabs(wo_z));
   switch (l.kind) {
     case LobeKind::lambert:
-    case LobeKind::oren_nayar: return luminance(l.scale);
+    case LobeKind::oren_nayar:
+      return luminance(l.scale);
     case LobeKind::microfacet: {
-      const float eta = wo_z > 0.f || l.fresnel == Fresnel::dielectric_one_sided ? l.eta.x : l.eta.y;
-      if ((l.fresnel == Fresnel::dielectric || l.fresnel == Fresnel::dielectric_one_sided) && eta < 1.f) {
+      const float eta =
+          wo_z > 0.f || l.fresnel == Fresnel::dielectric_one_sided ? l.eta.x : l.eta.y;
+      if ((l.fresnel == Fresnel::dielectric || l.fresnel == Fresnel::dielectric_one_sided) &&
+          eta < 1.f) {
         // pbrt's plastic reflects totally beyond an angle; half vectors spread around it
         const float t = std::clamp((1.f - c * c - 0.1f) * 1.6f, 0.f, 1.f);
         return luminance(l.scale) * (0.05f + 0.75f * t);
@@ -111,12 +121,14 @@ float albedo_guess(Lobe& l, float wo_z) {
       return luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
     }
     case LobeKind::fresnel_blend: {
-      const float glossy = luminance(schlick(l.scale2, c)), diffuse = luminance(l.scale * (Rgb(1.f) - l.scale2));
+      const float glossy = luminance(schlick(l.scale2, c)),
+                  diffuse = luminance(l.scale * (Rgb(1.f) - l.scale2));
       const float sum = glossy + diffuse;
       l.mix = sum > 0.f ? std::clamp(glossy / sum, 0.1f, 0.9f) : 0.5f;
       return luminance(l.eta) * sum;
     }
-    case LobeKind::specular_reflection: return luminance(l.scale * fresnel(l, c, wo_z > 0.f));
+    case LobeKind::specular_reflection:
+      return luminance(l.scale * fresnel(l, c, wo_z > 0.f));
     case LobeKind::specular_transmission:
       return luminance(l.scale) * (1.f - fresnel_dielectric(c, wo_z > 0.f ? l.eta.x : l.eta.y));
   }
@@ -139,7 +151,8 @@ bool sample_lobe(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3& w
         return true;
       }
       break;
-    default: break;
+    default:
+      break;
   }
   Vec3 wh = l.distribution == Distribution::trowbridge_reitz
                 ? sample_visible_normal(l, Vec3(wo.x * side, wo.y * side, wo.z * side), u2)
@@ -149,7 +162,8 @@ bool sample_lobe(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3& w
   if (!(c > 0.f)) return false;
   if (l.kind == LobeKind::microfacet_dielectric) {
     const float f = fresnel_dielectric(c, incident_eta(l, wo));
-    if (u >= reflect_chance(l, f)) return refract(wo, wh, incident_eta(l, wo), wi) && wi.z * wo.z < 0.f;
+    if (u >= reflect_chance(l, f))
+      return refract(wo, wh, incident_eta(l, wo), wi) && wi.z * wo.z < 0.f;
   }
   wi = 2.f * c * wh - wo;
   if (!(wi.z * wo.z > 0.f)) return false;
@@ -214,7 +228,8 @@ Rgb Bsdf::evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) con
           if (reflect) f += value;
         }
         break;
-      default: break;  // specular
+      default:
+        break;  // specular
     }
   }
   return f;
@@ -222,7 +237,8 @@ Rgb Bsdf::evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) con
 
 Rgb Bsdf::eval(const Vec3& wo, const Vec3& wi) const {
   float pdf;
-  return evaluate(frame_.to_local(wo), frame_.to_local(wi), glm::dot(wi, ng_) * glm::dot(wo, ng_) > 0.f, pdf);
+  return evaluate(frame_.to_local(wo), frame_.to_local(wi),
+                  glm::dot(wi, ng_) * glm::dot(wo, ng_) > 0.f, pdf);
 }
 
 float Bsdf::pdf(const Vec3& wo, const Vec3& wi) const {

@@ -9,14 +9,14 @@
 namespace cloudrenderer {
 
 enum class LobeKind : std::uint8_t {
-  lambert,                // also for transmission
+  lambert,  // also for transmission
   oren_nayar,
   microfacet,             // reflection; with `transmits` pbrt-v2's BRDFToBTDF of it
   microfacet_dielectric,  // rough reflection and refraction, chosen by Fresnel
   fresnel_blend,          // Ashikhmin and Shirley 2000: diffuse under a glossy coat
   specular_reflection,
   specular_transmission,
-  specular_dielectric     // reflection and refraction, chosen by Fresnel
+  specular_dielectric  // reflection and refraction, chosen by Fresnel
 };
 enum class Distribution : std::uint8_t { blinn, blinn_anisotropic, trowbridge_reitz };
 enum class Fresnel : std::uint8_t {
@@ -27,35 +27,40 @@ enum class Fresnel : std::uint8_t {
   conductor_v2           // pbrt-v2's approximation
 };
 
-// One scattering lobe; which fields count depends on the kind. Plain data without initialisers, so that an array of
-// them costs nothing; made by the functions in bsdf_lobes.h.
+// One scattering lobe; which fields count depends on the kind. Plain data without initialisers, so
+// that an array of them costs nothing; made by the functions in bsdf_lobes.h.
 struct Lobe {
   LobeKind kind;
   Distribution distribution;
   Fresnel fresnel;
-  bool transmits;      // lambert, oren_nayar, microfacet: scatters to the other side
-  bool scale_radiance; // refraction compresses radiance by (eta_i / eta_t)^2, as in pbrt-v3 and not in pbrt-v2
-  float weight;        // chance of being sampled, set by Bsdf::finish
-  float mix;           // fresnel_blend: chance of sampling the glossy part, set by Bsdf::finish
-  Rgb scale;           // reflectance (fresnel_blend: diffuse)
-  Rgb scale2;          // dielectrics: transmittance; fresnel_blend: specular
-  Rgb eta;             // conductors; dielectrics: x = inside over outside, y = 1/x; fresnel_blend: factor over all
-  Rgb k;               // conductors
+  bool transmits;       // lambert, oren_nayar, microfacet: scatters to the other side
+  bool scale_radiance;  // refraction compresses radiance by (eta_i / eta_t)^2, as in pbrt-v3 and
+                        // not in pbrt-v2
+  float weight;         // chance of being sampled, set by Bsdf::finish
+  float mix;            // fresnel_blend: chance of sampling the glossy part, set by Bsdf::finish
+  Rgb scale;            // reflectance (fresnel_blend: diffuse)
+  Rgb scale2;           // dielectrics: transmittance; fresnel_blend: specular
+  Rgb eta;  // conductors; dielectrics: x = inside over outside, y = 1/x; fresnel_blend: factor over
+            // all
+  Rgb k;    // conductors
   float alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, or Oren and Nayar's A and B
   float norm;              // of the distribution, precomputed
 };
 
 struct BsdfSample {
-  Vec3 wi{};       // unit, world
-  Rgb weight{0};   // f * |cos| / pdf for the whole BSDF (for specular: of the chosen lobe, chance included)
-  float pdf = 0;   // solid angle, of all non-specular lobes together; 0 when specular
+  Vec3 wi{};  // unit, world
+  Rgb weight{
+      0};  // f * |cos| / pdf for the whole BSDF (for specular: of the chosen lobe, chance included)
+  float pdf = 0;  // solid angle, of all non-specular lobes together; 0 when specular
   bool specular = false;
   bool transmission = false;
-  float eta = 1;   // ratio of refraction indices crossed (transmitted over incident side), for roulette and footprints
+  float eta = 1;  // ratio of refraction indices crossed (transmitted over incident side), for
+                  // roulette and footprints
 };
 
-// The sum of a few lobes in the shading frame. As in pbrt, the geometric normal decides between reflection and
-// transmission lobes. eval() and pdf() leave specular lobes out. Lobes are sampled in proportion to `weight`.
+// The sum of a few lobes in the shading frame. As in pbrt, the geometric normal decides between
+// reflection and transmission lobes. eval() and pdf() leave specular lobes out. Lobes are sampled
+// in proportion to `weight`.
 class Bsdf {
  public:
   static constexpr int kMaxLobes = 8;
@@ -79,12 +84,15 @@ class Bsdf {
   void add(std::span<const Lobe> lobes) {
     for (const Lobe& l : lobes) add(l);
   }
-  // Sets the lobes' sampling weights for this wo (albedo estimates). Call once after the last add().
+  // Sets the lobes' sampling weights for this wo (albedo estimates). Call once after the last
+  // add().
   void finish(const Vec3& wo);
 
   bool empty() const { return count_ == 0; }
-  bool has_smooth() const { return smooth_; }  // some lobe is not specular: light sampling makes sense
-  Rgb eval(const Vec3& wo, const Vec3& wi) const;    // f, without the cosine
+  bool has_smooth() const {
+    return smooth_;
+  }  // some lobe is not specular: light sampling makes sense
+  Rgb eval(const Vec3& wo, const Vec3& wi) const;  // f, without the cosine
   float pdf(const Vec3& wo, const Vec3& wi) const;
   // eval * |cos(ns, wi)| and pdf in one pass: what light sampling needs.
   Rgb eval_cos(const Vec3& wo, const Vec3& wi, float& pdf) const;
@@ -108,7 +116,8 @@ class Bsdf {
     count_ = b.count_;
     smooth_ = b.smooth_;
     half_ = b.half_;
-    for (int i = 0; i < count_; ++i) lobes_[static_cast<std::size_t>(i)] = b.lobes_[static_cast<std::size_t>(i)];
+    for (int i = 0; i < count_; ++i)
+      lobes_[static_cast<std::size_t>(i)] = b.lobes_[static_cast<std::size_t>(i)];
   }
   // Sum of the smooth lobes without the cosine, and their density, for local directions.
   Rgb evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) const;

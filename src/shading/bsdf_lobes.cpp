@@ -20,9 +20,15 @@ void set(Lobe& l, const Microfacets& m) {
   l.alpha_x = m.x;
   l.alpha_y = m.y;
   switch (m.distribution) {
-    case Distribution::blinn: l.norm = (m.x + 2.f) * (0.5f * kInvPi); break;
-    case Distribution::blinn_anisotropic: l.norm = std::sqrt((m.x + 2.f) * (m.y + 2.f)) * (0.5f * kInvPi); break;
-    case Distribution::trowbridge_reitz: l.norm = kInvPi / (m.x * m.y); break;
+    case Distribution::blinn:
+      l.norm = (m.x + 2.f) * (0.5f * kInvPi);
+      break;
+    case Distribution::blinn_anisotropic:
+      l.norm = std::sqrt((m.x + 2.f) * (m.y + 2.f)) * (0.5f * kInvPi);
+      break;
+    case Distribution::trowbridge_reitz:
+      l.norm = kInvPi / (m.x * m.y);
+      break;
   }
 }
 
@@ -98,7 +104,8 @@ Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f, bo
   return l;
 }
 
-Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m, float eta) {
+Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m,
+                           float eta) {
   Lobe l = make(LobeKind::microfacet_dielectric, reflectance);
   set(l, m);
   set(l, dielectric(eta));
@@ -127,7 +134,8 @@ Lobe specular_transmission(const Rgb& scale, float eta, bool scale_radiance) {
   return l;
 }
 
-Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float eta, bool scale_radiance) {
+Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float eta,
+                         bool scale_radiance) {
   Lobe l = make(LobeKind::specular_dielectric, reflectance);
   set(l, dielectric(eta));
   l.scale2 = transmittance;
@@ -137,13 +145,16 @@ Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float
 
 void scale_lobe(Lobe& lobe, const Rgb& factor) {
   switch (lobe.kind) {
-    case LobeKind::fresnel_blend: lobe.eta *= factor; break;
+    case LobeKind::fresnel_blend:
+      lobe.eta *= factor;
+      break;
     case LobeKind::microfacet_dielectric:
     case LobeKind::specular_dielectric:
       lobe.scale *= factor;
       lobe.scale2 *= factor;
       break;
-    default: lobe.scale *= factor;
+    default:
+      lobe.scale *= factor;
   }
 }
 

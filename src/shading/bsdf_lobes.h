@@ -8,7 +8,8 @@ Lobe lambert(const Rgb& reflectance, bool transmits = false);
 // sigma in degrees; 0 gives a Lambert lobe.
 Lobe oren_nayar(const Rgb& reflectance, float sigma);
 
-// What a microfacet lobe is made of: pbrt-v2's Blinn exponents from roughness, or Trowbridge-Reitz widths.
+// What a microfacet lobe is made of: pbrt-v2's Blinn exponents from roughness, or Trowbridge-Reitz
+// widths.
 struct Microfacets {
   Distribution distribution;
   float x, y;
@@ -30,14 +31,17 @@ FresnelTerm dielectric_one_sided(float beyond_over_incident);
 FresnelTerm conductor(const Rgb& eta, const Rgb& k);
 FresnelTerm conductor_v2(const Rgb& eta, const Rgb& k);
 
-Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f, bool transmits = false);
+Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f,
+                bool transmits = false);
 // Trowbridge-Reitz only.
-Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m, float eta);
+Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m,
+                           float eta);
 Lobe fresnel_blend(const Rgb& diffuse, const Rgb& specular, const Microfacets& m);
 Lobe specular_reflection(const Rgb& scale, const FresnelTerm& f);
 // eta: inside over outside; 1 lets the ray through unbent.
 Lobe specular_transmission(const Rgb& scale, float eta, bool scale_radiance);
-Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float eta, bool scale_radiance);
+Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float eta,
+                         bool scale_radiance);
 
 // The lobe times a factor.
 void scale_lobe(Lobe& lobe, const Rgb& factor);

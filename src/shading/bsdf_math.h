@@ -1,5 +1,6 @@
 #pragma once
-// Fresnel terms and microfacet distributions in the shading frame (z = normal). Inline: one translation unit sees all.
+// Fresnel terms and microfacet distributions in the shading frame (z = normal). Inline: one
+// translation unit sees all.
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -11,8 +12,8 @@
 
 namespace cloudrenderer::bsdf {
 
-// Unpolarised reflectance for a cosine c >= 0; eta is the index beyond over the index on the incident side
-// (the form of Cook and Torrance 1982: one square root).
+// Unpolarised reflectance for a cosine c >= 0; eta is the index beyond over the index on the
+// incident side (the form of Cook and Torrance 1982: one square root).
 inline float fresnel_dielectric(float c, float eta) {
   const float g2 = eta * eta - 1.f + c * c;
   if (!(g2 > 0.f)) return 1.f;  // total internal reflection
@@ -47,20 +48,27 @@ inline Rgb fresnel_conductor_v2(float c, const Rgb& eta, const Rgb& k) {
   const float c2 = c * c;
   std::array<float, 4> out;
   for (std::size_t i = 0; i < 4; ++i) {
-    const float s = n[i] * n[i] + absorption[i] * absorption[i], m = 2.f * n[i] * c, t = s * c2 + 1.f, q = s + c2;
+    const float s = n[i] * n[i] + absorption[i] * absorption[i], m = 2.f * n[i] * c,
+                t = s * c2 + 1.f, q = s + c2;
     out[i] = 0.5f * ((t - m) / (t + m) + (q - m) / (q + m));
   }
   return {out[0], out[1], out[2]};
 }
 
-// Fresnel factor of a reflection lobe. `c` is the cosine against the half vector (or normal), `outside` tells its side.
+// Fresnel factor of a reflection lobe. `c` is the cosine against the half vector (or normal),
+// `outside` tells its side.
 inline Rgb fresnel(const Lobe& l, float c, bool outside) {
   switch (l.fresnel) {
-    case Fresnel::none: break;
-    case Fresnel::dielectric: return Rgb(fresnel_dielectric(c, outside ? l.eta.x : l.eta.y));
-    case Fresnel::dielectric_one_sided: return Rgb(fresnel_dielectric(c, l.eta.x));
-    case Fresnel::conductor: return fresnel_conductor(c, l.eta, l.k);
-    case Fresnel::conductor_v2: return fresnel_conductor_v2(c, l.eta, l.k);
+    case Fresnel::none:
+      break;
+    case Fresnel::dielectric:
+      return Rgb(fresnel_dielectric(c, outside ? l.eta.x : l.eta.y));
+    case Fresnel::dielectric_one_sided:
+      return Rgb(fresnel_dielectric(c, l.eta.x));
+    case Fresnel::conductor:
+      return fresnel_conductor(c, l.eta, l.k);
+    case Fresnel::conductor_v2:
+      return fresnel_conductor_v2(c, l.eta, l.k);
   }
   return Rgb(1.f);
 }
@@ -69,10 +77,13 @@ inline float pow5(float x) {
   const float x2 = x * x;
   return x2 * x2 * x;
 }
-inline Rgb schlick(const Rgb& r, float c) { return r + pow5(std::max(0.f, 1.f - c)) * (Rgb(1.f) - r); }
+inline Rgb schlick(const Rgb& r, float c) {
+  return r + pow5(std::max(0.f, 1.f - c)) * (Rgb(1.f) - r);
+}
 
-// (1 - s2)^(e/2) for s2 in [0, 1], that is cos^e from the squared sine: precise near the pole, where exponents of
-// thousands matter. Single precision throughout: relative error below 3e-6 for results above 1e-6.
+// (1 - s2)^(e/2) for s2 in [0, 1], that is cos^e from the squared sine: precise near the pole,
+// where exponents of thousands matter. Single precision throughout: relative error below 3e-6 for
+// results above 1e-6.
 inline float cosine_power(float s2, float e) {
   if (s2 >= 1.f) return e > 0.f ? 0.f : 1.f;
   // log2(1 - s2) = exponent + log2(mantissa in [sqrt(1/2), sqrt(2)))
@@ -84,14 +95,19 @@ inline float cosine_power(float s2, float e) {
   const float d = shift == 0 ? -s2 : m - 1.f;
   const float f = d / (2.f + d), z = f * f;
   const float ln = f * (2.f + z * (2.f / 3 + z * (2.f / 5 + z * (2.f / 7 + z * (2.f / 9)))));
-  const float y = 0.5f * e * (static_cast<float>(shift) + ln * 1.44269504f);  // log2 of the result, <= 0
+  const float y =
+      0.5f * e * (static_cast<float>(shift) + ln * 1.44269504f);  // log2 of the result, <= 0
   if (!(y > -126.f)) return 0.f;
   const float whole = std::nearbyint(y), r = (y - whole) * 0.69314718f;
-  const float p = 1.f + r * (1.f + r * (0.5f + r * (1.f / 6 + r * (1.f / 24 + r * (1.f / 120 + r * (1.f / 720))))));
-  return p * std::bit_cast<float>(static_cast<std::uint32_t>(static_cast<std::int32_t>(whole) + 127) << 23);
+  const float p =
+      1.f +
+      r * (1.f + r * (0.5f + r * (1.f / 6 + r * (1.f / 24 + r * (1.f / 120 + r * (1.f / 720))))));
+  return p * std::bit_cast<float>(static_cast<std::uint32_t>(static_cast<std::int32_t>(whole) + 127)
+                                  << 23);
 }
 
-// sin and cos for |r| <= pi/4, absolute error below 1e-7: enough for directions, and half the time of portable::sincos.
+// sin and cos for |r| <= pi/4, absolute error below 1e-7: enough for directions, and half the time
+// of portable::sincos.
 inline void sincos_eighth(float r, float& s, float& c) {
   const float z = r * r;
   s = r + r * z * (-1.f / 6 + z * (1.f / 120 + z * (-1.f / 5040 + z * (1.f / 362880))));
@@ -109,7 +125,8 @@ inline void sincos_turn(float x, float& s, float& c) {
   if (q == 1 || q == 2) c = -c;
 }
 
-// Density cos/pi around z by the concentric map (Shirley and Chiu 1997), without unpredictable branches.
+// Density cos/pi around z by the concentric map (Shirley and Chiu 1997), without unpredictable
+// branches.
 inline Vec3 sample_cosine(const Vec2& u) {
   const float a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
   const bool first = a * a > b * b;
@@ -121,16 +138,19 @@ inline Vec3 sample_cosine(const Vec2& u) {
 
 inline float sine2(const Vec3& w) { return w.x * w.x + w.y * w.y; }
 
-// Density of microfacet normals, times the solid angle's cosine = 1 (so that the projected integral is 1).
+// Density of microfacet normals, times the solid angle's cosine = 1 (so that the projected integral
+// is 1).
 inline float normal_density(const Lobe& l, const Vec3& wh) {
   switch (l.distribution) {
-    case Distribution::blinn: return l.norm * cosine_power(sine2(wh), l.alpha_x);
+    case Distribution::blinn:
+      return l.norm * cosine_power(sine2(wh), l.alpha_x);
     case Distribution::blinn_anisotropic: {
       const float s2 = sine2(wh);
       if (s2 <= 0.f) return l.norm;
       return l.norm * cosine_power(s2, (l.alpha_x * wh.x * wh.x + l.alpha_y * wh.y * wh.y) / s2);
     }
-    case Distribution::trowbridge_reitz: break;
+    case Distribution::trowbridge_reitz:
+      break;
   }
   const float x = wh.x / l.alpha_x, y = wh.y / l.alpha_y, q = x * x + y * y + wh.z * wh.z;
   return l.norm / (q * q);  // norm = 1 / (pi ax ay)
@@ -158,7 +178,8 @@ inline Vec3 sample_visible_normal(const Lobe& l, const Vec3& wo, const Vec2& u) 
   return glm::normalize(Vec3(l.alpha_x * n.x, l.alpha_y * n.y, std::max(1e-6f, n.z)));
 }
 
-// A normal of Blinn's distribution or of its anisotropic form (Ashikhmin and Shirley 2000), z >= 0. Density D * cos.
+// A normal of Blinn's distribution or of its anisotropic form (Ashikhmin and Shirley 2000), z >= 0.
+// Density D * cos.
 inline Vec3 sample_blinn_normal(const Lobe& l, const Vec2& u) {
   float s, c, e = l.alpha_x;
   sincos_turn(u.y, s, c);
@@ -175,8 +196,8 @@ inline Vec3 sample_blinn_normal(const Lobe& l, const Vec2& u) {
   return {r * c, r * s, z};
 }
 
-// The refracted direction of wo about wh (same side); eta is the index beyond over the one on wo's side.
-// False on total internal reflection.
+// The refracted direction of wo about wh (same side); eta is the index beyond over the one on wo's
+// side. False on total internal reflection.
 inline bool refract(const Vec3& wo, const Vec3& wh, float eta, Vec3& wi) {
   const float c = glm::dot(wo, wh), inverse = 1.f / eta;
   const float sin2 = std::max(0.f, 1.f - c * c) * inverse * inverse;

@@ -43,7 +43,8 @@ void LobeSink::add(Lobe lobe) {
   // Diffuse lobes of mixed materials become one.
   if (lobe.kind == LobeKind::lambert)
     for (int i = 0; i < bsdf_.lobe_count(); ++i)
-      if (Lobe& other = bsdf_.lobe(i); other.kind == LobeKind::lambert && other.transmits == lobe.transmits) {
+      if (Lobe& other = bsdf_.lobe(i);
+          other.kind == LobeKind::lambert && other.transmits == lobe.transmits) {
         other.scale += lobe.scale;
         return;
       }
@@ -51,7 +52,9 @@ void LobeSink::add(Lobe lobe) {
 }
 
 Roughness::Roughness(MaterialInputs& in, const TexturedFloat& u, const TexturedFloat& v)
-    : u_(u), v_(v), dialect_(in.params.dialect()),
+    : u_(u),
+      v_(v),
+      dialect_(in.params.dialect()),
       remap_(dialect_ == Dialect::v3 && in.params.params().boolean("remaproughness", true)),
       isotropic_(u.texture == v.texture && (u.texture || u.constant == v.constant)) {
   in.tangents = in.tangents || !isotropic_;
@@ -87,8 +90,8 @@ bsdf::Microfacets Roughness::operator()(const TexturePoint& at) const {
   return bsdf::trowbridge_reitz(u, v);
 }
 
-std::vector<MaterialRecord> build_materials(const SceneDescription& scene, const TextureSet& textures,
-                                            Warnings& warnings) {
+std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
+                                            const TextureSet& textures, Warnings& warnings) {
   std::vector<MaterialRecord> out;
   out.reserve(scene.materials.size());
   for (const MaterialDesc& desc : scene.materials) {
@@ -102,15 +105,19 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene, const
     const MaterialKind* kind = find_kind(desc.type);
     if (!kind) {
       std::string names;
-      for (const MaterialKind& k : kKinds) names += (names.empty() ? "" : ", ") + std::string(k.name);
-      warnings.add(desc.location, "unknown material \"" + desc.type + "\", expected one of " + names + "; using matte");
+      for (const MaterialKind& k : kKinds)
+        names += (names.empty() ? "" : ", ") + std::string(k.name);
+      warnings.add(desc.location, "unknown material \"" + desc.type + "\", expected one of " +
+                                      names + "; using matte");
       kind = find_kind("matte");
     }
     r.material = kind->make(in);
     if (in.depth > kMaxMixDepth)
-      throw SceneError(desc.location, "materials are mixed more than " + std::to_string(kMaxMixDepth) + " deep");
+      throw SceneError(desc.location,
+                       "materials are mixed more than " + std::to_string(kMaxMixDepth) + " deep");
     r.textured = params.textured();
-    r.has_bump = params.optional_real("bumpmap", r.bump) && r.bump.texture;  // a constant displacement bends nothing
+    r.has_bump = params.optional_real("bumpmap", r.bump) &&
+                 r.bump.texture;   // a constant displacement bends nothing
     if (in.base && !r.has_bump) {  // the first of two mixed materials gives the shading frame
       r.has_bump = in.base->has_bump;
       r.bump = in.base->bump;

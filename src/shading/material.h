@@ -13,35 +13,40 @@
 
 namespace cloudrenderer {
 
-// The size of a pixel at a surface point, in world space: two vectors in the tangent plane that span the footprint of
-// the ray, all zero where the scene needs none (no filtered textures).
+// The size of a pixel at a surface point, in world space: two vectors in the tangent plane that
+// span the footprint of the ray, all zero where the scene needs none (no filtered textures).
 struct Footprint {
   Vec3 dpdx{}, dpdy{};
 };
 
-// Builds the textures and materials of a scene once (Shading::build) and makes a Bsdf at a point. Immutable
-// afterwards; any thread. Memory of texture images counts in bytes().
+// Builds the textures and materials of a scene once (Shading::build) and makes a Bsdf at a point.
+// Immutable afterwards; any thread. Memory of texture images counts in bytes().
 class Shading {
  public:
   struct Options {
-    std::uint64_t texture_budget = std::uint64_t{1} << 30;  // resident texels up to here, then mapped temporary files
+    std::uint64_t texture_budget =
+        std::uint64_t{1} << 30;  // resident texels up to here, then mapped temporary files
   };
-  // Throws SceneError for what makes no picture; unsupported kinds are warnings and become grey matte (materials)
-  // or their constant default (textures).
-  static std::unique_ptr<Shading> build(const SceneDescription& scene, const Options& options, Warnings& warnings);
+  // Throws SceneError for what makes no picture; unsupported kinds are warnings and become grey
+  // matte (materials) or their constant default (textures).
+  static std::unique_ptr<Shading> build(const SceneDescription& scene, const Options& options,
+                                        Warnings& warnings);
   virtual ~Shading() = default;
 
   // What the scene needs, so that others can leave it out.
-  virtual bool needs_footprint() const = 0;   // some texture is filtered
-  virtual bool needs_uv() const = 0;          // some texture, bump map or anisotropic material uses uv or tangents
+  virtual bool needs_footprint() const = 0;  // some texture is filtered
+  virtual bool needs_uv()
+      const = 0;  // some texture, bump map or anisotropic material uses uv or tangents
   virtual std::uint64_t bytes() const = 0;
 
   // True for v3's null material (pass through) at this material index.
   virtual bool is_null(std::uint32_t material) const = 0;
 
-  // The scattering at a point. Applies the bump map (changes point.ns and the tangents) and sets up the lobes.
-  // `wo` is the unit direction back along the ray. material may be kNone (0xffffffff): black.
-  virtual Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const = 0;
+  // The scattering at a point. Applies the bump map (changes point.ns and the tangents) and sets up
+  // the lobes. `wo` is the unit direction back along the ray. material may be kNone (0xffffffff):
+  // black.
+  virtual Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo,
+                    const Footprint& footprint) const = 0;
 
   // Value of an alpha texture at uv (point filtered); index into SceneDescription::textures.
   virtual float alpha(std::uint32_t texture, const Vec2& uv, const Vec3& p) const = 0;

@@ -24,7 +24,9 @@ TexturedFloat index_param(MaterialInputs& in) {
 class Glass final : public Material {
  public:
   explicit Glass(MaterialInputs& in)
-      : v3_(in.params.dialect() == Dialect::v3), kr_(in.params.rgb("Kr", Rgb(1.f))), kt_(in.params.rgb("Kt", Rgb(1.f))),
+      : v3_(in.params.dialect() == Dialect::v3),
+        kr_(in.params.rgb("Kr", Rgb(1.f))),
+        kt_(in.params.rgb("Kt", Rgb(1.f))),
         index_(index_param(in)) {
     if (v3_) roughness_.emplace(Roughness::two_axes(in, 0.f));  // pbrt-v2's glass is always smooth
   }
@@ -32,8 +34,10 @@ class Glass final : public Material {
     const Rgb kr = positive(kr_(at)), kt = positive(kt_(at));
     if (is_black(kr) && is_black(kt)) return;
     const float index = index_(at);
-    if (!v3_ || roughness_->smooth(at)) out.add(bsdf::specular_dielectric(kr, kt, index, v3_));
-    else out.add(bsdf::microfacet_dielectric(kr, kt, (*roughness_)(at), index));
+    if (!v3_ || roughness_->smooth(at))
+      out.add(bsdf::specular_dielectric(kr, kt, index, v3_));
+    else
+      out.add(bsdf::microfacet_dielectric(kr, kt, (*roughness_)(at), index));
   }
 
  private:

@@ -13,7 +13,8 @@ namespace cloudrenderer {
 // Where a material puts its lobes: into a Bsdf, times a factor (mixed materials).
 class LobeSink {
  public:
-  explicit LobeSink(Bsdf& bsdf, const Rgb& factor = Rgb(1.f)) : bsdf_(bsdf), factor_(factor), scaled_(factor != Rgb(1.f)) {}
+  explicit LobeSink(Bsdf& bsdf, const Rgb& factor = Rgb(1.f))
+      : bsdf_(bsdf), factor_(factor), scaled_(factor != Rgb(1.f)) {}
   void add(Lobe lobe);
   LobeSink scaled(const Rgb& s) const { return LobeSink(bsdf_, factor_ * s); }
 
@@ -23,7 +24,8 @@ class LobeSink {
   bool scaled_;
 };
 
-// A material whose lobes depend on the point. One without textures is asked once, when the scene is built.
+// A material whose lobes depend on the point. One without textures is asked once, when the scene is
+// built.
 class Material {
  public:
   virtual ~Material() = default;
@@ -35,11 +37,11 @@ struct MaterialRecord {
   std::unique_ptr<Material> material;  // null: the null material
   std::vector<Lobe> lobes;             // when not textured
   bool textured = false;
-  bool tangents = false;               // depends on the direction of the tangents
+  bool tangents = false;  // depends on the direction of the tangents
   bool has_bump = false;
   TexturedFloat bump;
   TextureNeeds needs;
-  int depth = 1;                       // of mixes
+  int depth = 1;  // of mixes
 };
 
 struct MaterialInputs {
@@ -65,19 +67,20 @@ std::unique_ptr<Material> make_uber(MaterialInputs&);
 std::unique_ptr<Material> make_substrate(MaterialInputs&);
 std::unique_ptr<Material> make_translucent(MaterialInputs&);
 std::unique_ptr<Material> make_mix(MaterialInputs&);
-std::unique_ptr<Material> make_disney(MaterialInputs&);         // approximated
-std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);   // approximated
-std::unique_ptr<Material> make_grey(MaterialInputs&);           // for kinds that are not supported
+std::unique_ptr<Material> make_disney(MaterialInputs&);        // approximated
+std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);  // approximated
+std::unique_ptr<Material> make_grey(MaterialInputs&);          // for kinds that are not supported
 
 // No colour may be negative.
 inline Rgb positive(const Rgb& c) { return glm::max(c, Rgb(0.f)); }
 
-// The roughness parameters of a microfacet material: Blinn exponents in pbrt-v2, Trowbridge-Reitz widths in pbrt-v3
-// (there with "remaproughness").
+// The roughness parameters of a microfacet material: Blinn exponents in pbrt-v2, Trowbridge-Reitz
+// widths in pbrt-v3 (there with "remaproughness").
 class Roughness {
  public:
   static Roughness one(MaterialInputs& in, float otherwise);  // "roughness"
-  // "roughness", in v3 overridden by "uroughness" and "vroughness"; pbrt's materials differ in whether v follows u.
+  // "roughness", in v3 overridden by "uroughness" and "vroughness"; pbrt's materials differ in
+  // whether v follows u.
   enum class V { keeps_roughness, follows_u };
   static Roughness overridden(MaterialInputs& in, float otherwise, V v);
   static Roughness two_axes(MaterialInputs& in, float otherwise);  // "uroughness", "vroughness"
@@ -94,6 +97,7 @@ class Roughness {
 };
 
 // Builds all materials. Throws SceneError for what makes no picture.
-std::vector<MaterialRecord> build_materials(const SceneDescription& scene, const TextureSet& textures, Warnings& warnings);
+std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
+                                            const TextureSet& textures, Warnings& warnings);
 
 }  // namespace cloudrenderer

@@ -6,7 +6,8 @@ namespace {
 // Lambert, or Oren and Nayar 1994 with sigma in degrees.
 class Matte final : public Material {
  public:
-  explicit Matte(MaterialInputs& in) : kd_(in.params.rgb("Kd", Rgb(0.5f))), sigma_(in.params.real("sigma", 0.f)) {}
+  explicit Matte(MaterialInputs& in)
+      : kd_(in.params.rgb("Kd", Rgb(0.5f))), sigma_(in.params.real("sigma", 0.f)) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const Rgb kd = positive(kd_(at));
     if (!is_black(kd)) out.add(bsdf::oren_nayar(kd, sigma_(at)));
@@ -19,7 +20,9 @@ class Matte final : public Material {
 
 class Grey final : public Material {
  public:
-  void add_lobes(const TexturePoint&, LobeSink& out) const override { out.add(bsdf::lambert(Rgb(0.5f))); }
+  void add_lobes(const TexturePoint&, LobeSink& out) const override {
+    out.add(bsdf::lambert(Rgb(0.5f)));
+  }
 };
 
 }  // namespace

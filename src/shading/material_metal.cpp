@@ -3,8 +3,8 @@
 namespace cloudrenderer {
 namespace {
 
-// Copper, from the measured spectrum that pbrt has as its default, integrated with the CIE 1931 observer: pbrt-v2
-// divides by the integral of y, pbrt-v3 by 470/471 more.
+// Copper, from the measured spectrum that pbrt has as its default, integrated with the CIE 1931
+// observer: pbrt-v2 divides by the integral of y, pbrt-v3 by 470/471 more.
 constexpr float kV3 = 470.f / 471.f;
 const Rgb kCopperEta(0.200416f, 0.924047f, 1.102217f);
 const Rgb kCopperK(3.912948f, 2.452838f, 2.142200f);
@@ -14,10 +14,12 @@ class Metal final : public Material {
   explicit Metal(MaterialInputs& in)
       : v2_(in.params.dialect() == Dialect::v2),
         eta_(in.params.rgb("eta", v2_ ? kCopperEta : kCopperEta * kV3)),
-        k_(in.params.rgb("k", v2_ ? kCopperK : kCopperK * kV3)), roughness_(Roughness::overridden(in, 0.01f, Roughness::V::keeps_roughness)) {}
+        k_(in.params.rgb("k", v2_ ? kCopperK : kCopperK * kV3)),
+        roughness_(Roughness::overridden(in, 0.01f, Roughness::V::keeps_roughness)) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const Rgb eta = positive(eta_(at)), k = positive(k_(at));
-    out.add(bsdf::microfacet(Rgb(1.f), roughness_(at), v2_ ? bsdf::conductor_v2(eta, k) : bsdf::conductor(eta, k)));
+    out.add(bsdf::microfacet(Rgb(1.f), roughness_(at),
+                             v2_ ? bsdf::conductor_v2(eta, k) : bsdf::conductor(eta, k)));
   }
 
  private:
@@ -36,9 +38,12 @@ Rgb index_of(const Rgb& r) {
 class ShinyMetal final : public Material {
  public:
   explicit ShinyMetal(MaterialInputs& in)
-      : ks_(in.params.rgb("Ks", Rgb(1.f))), kr_(in.params.rgb("Kr", Rgb(1.f))), roughness_(Roughness::one(in, 0.1f)) {}
+      : ks_(in.params.rgb("Ks", Rgb(1.f))),
+        kr_(in.params.rgb("Kr", Rgb(1.f))),
+        roughness_(Roughness::one(in, 0.1f)) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
-    out.add(bsdf::microfacet(Rgb(1.f), roughness_(at), bsdf::conductor_v2(index_of(ks_(at)), Rgb(0.f))));
+    out.add(bsdf::microfacet(Rgb(1.f), roughness_(at),
+                             bsdf::conductor_v2(index_of(ks_(at)), Rgb(0.f))));
     out.add(bsdf::specular_reflection(Rgb(1.f), bsdf::conductor_v2(index_of(kr_(at)), Rgb(0.f))));
   }
 
@@ -50,6 +55,8 @@ class ShinyMetal final : public Material {
 }  // namespace
 
 std::unique_ptr<Material> make_metal(MaterialInputs& in) { return std::make_unique<Metal>(in); }
-std::unique_ptr<Material> make_shinymetal(MaterialInputs& in) { return std::make_unique<ShinyMetal>(in); }
+std::unique_ptr<Material> make_shinymetal(MaterialInputs& in) {
+  return std::make_unique<ShinyMetal>(in);
+}
 
 }  // namespace cloudrenderer

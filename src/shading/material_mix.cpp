@@ -23,7 +23,7 @@ class Mix final : public Material {
   }
 
  private:
-  const Material* first_;   // owned by earlier records
+  const Material* first_;  // owned by earlier records
   const Material* second_;
   TexturedRgb amount_;
 };
@@ -33,7 +33,8 @@ const MaterialRecord* mixed(MaterialInputs& in, std::string_view name) {
   std::size_t index = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
   if (error != std::errc() || end != text.data() + text.size() || index >= in.earlier.size()) {
-    in.params.warn("mix material: there is no material for \"" + std::string(name) + "\"; leaving it out");
+    in.params.warn("mix material: there is no material for \"" + std::string(name) +
+                   "\"; leaving it out");
     return nullptr;
   }
   const MaterialRecord* r = &in.earlier[index];
@@ -51,7 +52,8 @@ std::unique_ptr<Material> make_mix(MaterialInputs& in) {
   const MaterialRecord* a = mixed(in, "namedmaterial1");
   const MaterialRecord* b = mixed(in, "namedmaterial2");
   in.base = a;
-  return std::make_unique<Mix>(a ? a->material.get() : nullptr, b ? b->material.get() : nullptr, amount);
+  return std::make_unique<Mix>(a ? a->material.get() : nullptr, b ? b->material.get() : nullptr,
+                               amount);
 }
 
 }  // namespace cloudrenderer

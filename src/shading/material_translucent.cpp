@@ -6,11 +6,16 @@ namespace {
 class Translucent final : public Material {
  public:
   explicit Translucent(MaterialInputs& in)
-      : v3_(in.params.dialect() == Dialect::v3), kd_(in.params.rgb("Kd", Rgb(0.25f))), ks_(in.params.rgb("Ks", Rgb(0.25f))),
-        reflect_(in.params.rgb("reflect", Rgb(0.5f))), transmit_(in.params.rgb("transmit", Rgb(0.5f))), roughness_(Roughness::one(in, 0.1f)) {}
+      : v3_(in.params.dialect() == Dialect::v3),
+        kd_(in.params.rgb("Kd", Rgb(0.25f))),
+        ks_(in.params.rgb("Ks", Rgb(0.25f))),
+        reflect_(in.params.rgb("reflect", Rgb(0.5f))),
+        transmit_(in.params.rgb("transmit", Rgb(0.5f))),
+        roughness_(Roughness::one(in, 0.1f)) {}
 
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
-    const Rgb r = positive(reflect_(at)), t = positive(transmit_(at)), kd = positive(kd_(at)), ks = positive(ks_(at));
+    const Rgb r = positive(reflect_(at)), t = positive(transmit_(at)), kd = positive(kd_(at)),
+              ks = positive(ks_(at));
     if (!is_black(r * kd)) out.add(bsdf::lambert(r * kd));
     if (!is_black(t * kd)) out.add(bsdf::lambert(t * kd, true));
     if (is_black(ks) || (is_black(r) && is_black(t))) return;
@@ -33,6 +38,8 @@ class Translucent final : public Material {
 
 }  // namespace
 
-std::unique_ptr<Material> make_translucent(MaterialInputs& in) { return std::make_unique<Translucent>(in); }
+std::unique_ptr<Material> make_translucent(MaterialInputs& in) {
+  return std::make_unique<Translucent>(in);
+}
 
 }  // namespace cloudrenderer

@@ -4,9 +4,10 @@
 namespace cloudrenderer {
 namespace {
 
-// Displaces the shading frame by the slope of a height texture (Blinn 1978), by pbrt's finite differences: half the
-// pixel's extent in u and v, or a fixed step where there is no footprint.
-void bump(const TexturedFloat& height, const TexturePoint& at, float fixed_step, SurfacePoint& point) {
+// Displaces the shading frame by the slope of a height texture (Blinn 1978), by pbrt's finite
+// differences: half the pixel's extent in u and v, or a fixed step where there is no footprint.
+void bump(const TexturedFloat& height, const TexturePoint& at, float fixed_step,
+          SurfacePoint& point) {
   const Vec3 dpdu = point.shading_dpdu, dpdv = point.shading_dpdv;
   const float h = height(at);
   const auto slope = [&](float step, const Vec3& tangent, const Vec2& direction) {
@@ -43,7 +44,8 @@ Frame tangent_frame(const SurfacePoint& point) {
 class SceneShading final : public Shading {
  public:
   SceneShading(const SceneDescription& scene, const Options& options, Warnings& warnings)
-      : textures_(scene, options.texture_budget, warnings), records_(build_materials(scene, textures_, warnings)),
+      : textures_(scene, options.texture_budget, warnings),
+        records_(build_materials(scene, textures_, warnings)),
         bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f) {
     for (const MaterialRecord& r : records_) needs_ |= r.needs;
   }
@@ -55,7 +57,8 @@ class SceneShading final : public Shading {
     return material < records_.size() && !records_[material].material;
   }
 
-  Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const override {
+  Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo,
+            const Footprint& footprint) const override {
     const MaterialRecord* r = material < records_.size() ? &records_[material] : nullptr;
     if (r && (r->textured || r->has_bump)) return textured(*r, point, wo, footprint);
     Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
@@ -74,7 +77,8 @@ class SceneShading final : public Shading {
   }
 
  private:
-  Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const {
+  Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Vec3& wo,
+                const Footprint& footprint) const {
     const TexturePoint at(point, footprint);
     if (r.has_bump) bump(r.bump, at, bump_step_, point);
     Bsdf b(r.tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
@@ -96,7 +100,8 @@ class SceneShading final : public Shading {
 
 }  // namespace
 
-std::unique_ptr<Shading> Shading::build(const SceneDescription& scene, const Options& options, Warnings& warnings) {
+std::unique_ptr<Shading> Shading::build(const SceneDescription& scene, const Options& options,
+                                        Warnings& warnings) {
   return std::make_unique<SceneShading>(scene, options, warnings);
 }
 

@@ -50,7 +50,8 @@ Built<T> store(MadeTexture<T> made) {
   return b;
 }
 
-void mark_references(const ParamSet& params, const std::unordered_map<std::string_view, std::size_t>& index,
+void mark_references(const ParamSet& params,
+                     const std::unordered_map<std::string_view, std::size_t>& index,
                      std::vector<bool>& used) {
   for (const Param& p : params.all()) {
     if (p.type != ParamType::texture) continue;
@@ -61,7 +62,8 @@ void mark_references(const ParamSet& params, const std::unordered_map<std::strin
 
 }  // namespace
 
-TexturePoint::TexturePoint(const SurfacePoint& point, const Footprint& footprint) : p(point.p), uv(point.uv) {
+TexturePoint::TexturePoint(const SurfacePoint& point, const Footprint& footprint)
+    : p(point.p), uv(point.uv) {
   if (footprint.dpdx == Vec3(0.f) && footprint.dpdy == Vec3(0.f)) return;
   dpdx = footprint.dpdx;
   dpdy = footprint.dpdy;
@@ -124,19 +126,24 @@ TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warn
     const TextureKind* kind = find_kind(desc.type);
     if (!kind) {
       std::string names;
-      for (const TextureKind& k : kKinds) names += (names.empty() ? "" : ", ") + std::string(k.name);
-      warnings.add(desc.location, "unknown texture \"" + desc.type + "\", expected one of " + names + "; using 0.5");
+      for (const TextureKind& k : kKinds)
+        names += (names.empty() ? "" : ", ") + std::string(k.name);
+      warnings.add(desc.location, "unknown texture \"" + desc.type + "\", expected one of " +
+                                      names + "; using 0.5");
       kind = find_kind("dots");
     }
     TexturedParams params(desc.params, *this, scene.dialect, desc.location, warnings);
     TextureInputs inputs{params, desc.texture_to_world, s.images};
     State::Entry& e = s.entries[i];
     e.is_float = desc.is_float;
-    if (desc.is_float) e.real = store<float>(kind->make_float(inputs));
-    else e.rgb = store<Rgb>(kind->make_rgb(inputs));
+    if (desc.is_float)
+      e.real = store<float>(kind->make_float(inputs));
+    else
+      e.rgb = store<Rgb>(kind->make_rgb(inputs));
     e.needs = params.needs();
     if (++e.needs.depth > kMaxDepth)
-      throw SceneError(desc.location, "textures refer to textures more than " + std::to_string(kMaxDepth) + " deep");
+      throw SceneError(desc.location, "textures refer to textures more than " +
+                                          std::to_string(kMaxDepth) + " deep");
     e.built = true;
     desc.params.report_unused("Texture \"" + desc.type + "\"", warnings);
   }
@@ -144,11 +151,12 @@ TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warn
 
 TextureSet::~TextureSet() = default;
 
-bool TextureSet::find(std::string_view name, TexturedFloat& out, TextureNeeds& needs, const FileLocation& where,
-                      Warnings& warnings) const {
+bool TextureSet::find(std::string_view name, TexturedFloat& out, TextureNeeds& needs,
+                      const FileLocation& where, Warnings& warnings) const {
   const State::Entry* e = state_->find(name, true);
   if (!e) {
-    warnings.add(where, "there is no float texture \"" + std::string(name) + "\" before this line; using the default");
+    warnings.add(where, "there is no float texture \"" + std::string(name) +
+                            "\" before this line; using the default");
     return false;
   }
   out = e->real.value;
@@ -156,11 +164,12 @@ bool TextureSet::find(std::string_view name, TexturedFloat& out, TextureNeeds& n
   return true;
 }
 
-bool TextureSet::find(std::string_view name, TexturedRgb& out, TextureNeeds& needs, const FileLocation& where,
-                      Warnings& warnings) const {
+bool TextureSet::find(std::string_view name, TexturedRgb& out, TextureNeeds& needs,
+                      const FileLocation& where, Warnings& warnings) const {
   const State::Entry* e = state_->find(name, false);
   if (!e) {
-    warnings.add(where, "there is no colour texture \"" + std::string(name) + "\" before this line; using the default");
+    warnings.add(where, "there is no colour texture \"" + std::string(name) +
+                            "\" before this line; using the default");
     return false;
   }
   out = e->rgb.value;
@@ -197,15 +206,19 @@ bool is_texture(const ParamSet& params, std::string_view name) {
 
 TexturedFloat TexturedParams::real(std::string_view name, float otherwise) {
   TexturedFloat out{otherwise, nullptr};
-  if (is_texture(params_, name)) find(name, out);
-  else out.constant = params_.real(name, otherwise);
+  if (is_texture(params_, name))
+    find(name, out);
+  else
+    out.constant = params_.real(name, otherwise);
   return out;
 }
 
 TexturedRgb TexturedParams::rgb(std::string_view name, const Rgb& otherwise) {
   TexturedRgb out{otherwise, nullptr};
-  if (is_texture(params_, name)) find(name, out);
-  else out.constant = params_.rgb(name, otherwise);
+  if (is_texture(params_, name))
+    find(name, out);
+  else
+    out.constant = params_.rgb(name, otherwise);
   return out;
 }
 

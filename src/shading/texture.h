@@ -1,6 +1,6 @@
 #pragma once
-// Textures: values of type float or Rgb over a surface. A parameter of a material is a Textured<T>: a constant, or a
-// texture. Constants cost no call.
+// Textures: values of type float or Rgb over a surface. A parameter of a material is a Textured<T>:
+// a constant, or a texture. Constants cost no call.
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -19,7 +19,7 @@ namespace cloudrenderer {
 struct TexturePoint {
   Vec3 p{};
   Vec2 uv{};
-  Vec3 dpdx{}, dpdy{};    // zero: no filtering
+  Vec3 dpdx{}, dpdy{};  // zero: no filtering
   Vec2 duvdx{}, duvdy{};
 
   TexturePoint() = default;
@@ -55,8 +55,9 @@ struct Textured {
 using TexturedFloat = Textured<float>;
 using TexturedRgb = Textured<Rgb>;
 
-// The textures of a scene, by their unique names. Only those are built that a material refers to (also through other
-// textures), and float textures that nothing refers to, since shapes may use them as alpha masks.
+// The textures of a scene, by their unique names. Only those are built that a material refers to
+// (also through other textures), and float textures that nothing refers to, since shapes may use
+// them as alpha masks.
 class TextureSet {
  public:
   TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings);
@@ -65,8 +66,10 @@ class TextureSet {
   TextureSet& operator=(const TextureSet&) = delete;
 
   // The texture of this name; a warning and nothing when there is no such texture of this type.
-  bool find(std::string_view name, TexturedFloat& out, TextureNeeds& needs, const FileLocation& where, Warnings& warnings) const;
-  bool find(std::string_view name, TexturedRgb& out, TextureNeeds& needs, const FileLocation& where, Warnings& warnings) const;
+  bool find(std::string_view name, TexturedFloat& out, TextureNeeds& needs,
+            const FileLocation& where, Warnings& warnings) const;
+  bool find(std::string_view name, TexturedRgb& out, TextureNeeds& needs, const FileLocation& where,
+            Warnings& warnings) const;
   // By index into SceneDescription::textures; null when it is no float texture.
   const TexturedFloat* float_texture(std::uint32_t index) const;
   std::uint64_t bytes() const;
@@ -79,9 +82,13 @@ class TextureSet {
 // Reads the parameters of one texture or material that may be textures, and notes what they need.
 class TexturedParams {
  public:
-  TexturedParams(const ParamSet& params, const TextureSet& textures, Dialect dialect, const FileLocation& location,
-                 Warnings& warnings)
-      : params_(params), textures_(textures), dialect_(dialect), location_(location), warnings_(warnings) {}
+  TexturedParams(const ParamSet& params, const TextureSet& textures, Dialect dialect,
+                 const FileLocation& location, Warnings& warnings)
+      : params_(params),
+        textures_(textures),
+        dialect_(dialect),
+        location_(location),
+        warnings_(warnings) {}
 
   TexturedFloat real(std::string_view name, float otherwise);
   TexturedRgb rgb(std::string_view name, const Rgb& otherwise);
@@ -142,13 +149,21 @@ struct TextureKind {
 };
 
 // The makers: one file a kind.
-template <class T> MadeTexture<T> make_constant_texture(TextureInputs&);
-template <class T> MadeTexture<T> make_scale_texture(TextureInputs&);
-template <class T> MadeTexture<T> make_mix_texture(TextureInputs&);
-template <class T> MadeTexture<T> make_bilerp_texture(TextureInputs&);
-template <class T> MadeTexture<T> make_imagemap_texture(TextureInputs&);
-template <class T> MadeTexture<T> make_checkerboard_texture(TextureInputs&);
-template <class T> MadeTexture<T> make_uv_texture(TextureInputs&);
-template <class T> MadeTexture<T> make_unsupported_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_constant_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_scale_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_mix_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_bilerp_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_imagemap_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_checkerboard_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_uv_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_unsupported_texture(TextureInputs&);
 
 }  // namespace cloudrenderer

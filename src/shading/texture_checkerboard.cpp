@@ -17,7 +17,8 @@ bool is_even(float sum_of_floors) {
 template <class T>
 class Checkerboard2D final : public Texture<T> {
  public:
-  Checkerboard2D(const TextureMapping& mapping, const Textured<T>& even, const Textured<T>& odd, bool filter)
+  Checkerboard2D(const TextureMapping& mapping, const Textured<T>& even, const Textured<T>& odd,
+                 bool filter)
       : mapping_(mapping), even_(even), odd_(odd), filter_(filter) {}
 
   T eval(const TexturePoint& at) const override {
@@ -72,11 +73,14 @@ template <class T>
 MadeTexture<T> make_checkerboard_texture(TextureInputs& in) {
   const Textured<T> even = in.params.value<T>("tex1", 1.f), odd = in.params.value<T>("tex2", 0.f);
   const int dimension = in.params.params().integer("dimension", 2);
-  // pbrt-v2 and v3 apply the texture's own transform to world points here, not its inverse; the pictures depend on it.
+  // pbrt-v2 and v3 apply the texture's own transform to world points here, not its inverse; the
+  // pictures depend on it.
   if (dimension == 3) return std::make_unique<Checkerboard3D<T>>(in.texture_to_world, even, odd);
-  if (dimension != 2) throw SceneError(in.params.location(), "checkerboard dimension must be 2 or 3");
+  if (dimension != 2)
+    throw SceneError(in.params.location(), "checkerboard dimension must be 2 or 3");
   const std::string mode = in.params.params().string("aamode", "closedform");
-  if (mode != "none" && mode != "closedform") in.params.warn("unknown aamode \"" + mode + "\"; using closedform");
+  if (mode != "none" && mode != "closedform")
+    in.params.warn("unknown aamode \"" + mode + "\"; using closedform");
   const bool filter = mode != "none";
   if (filter) in.params.needs().footprint = true;
   return std::make_unique<Checkerboard2D<T>>(TextureMapping(in), even, odd, filter);

@@ -44,7 +44,8 @@ bool bring_near(Vec2& st, WrapMode wrap) {
 }  // namespace
 
 float ImageEncoding::decode(float x) const {
-  if (srgb) return scale * (x <= 0.04045f ? x / 12.92f : portable::pow((x + 0.055f) / 1.055f, 2.4f));
+  if (srgb)
+    return scale * (x <= 0.04045f ? x / 12.92f : portable::pow((x + 0.055f) / 1.055f, 2.4f));
   const float v = scale * x;
   return gamma == 1.f ? v : portable::pow(std::max(v, 0.f), gamma);
 }
@@ -54,7 +55,8 @@ Rgb ImagePyramid::fetch(const Level& level, std::size_t index) const {
   const std::byte* base = texels_ + level.offset;
   const auto value = [&](std::size_t k) {
     switch (level.format) {
-      case Format::byte: return decode_[std::to_integer<std::size_t>(base[k])];
+      case Format::byte:
+        return decode_[std::to_integer<std::size_t>(base[k])];
       case Format::half: {
         std::uint16_t bits;
         std::memcpy(&bits, base + 2 * k, sizeof bits);
@@ -62,7 +64,8 @@ Rgb ImagePyramid::fetch(const Level& level, std::size_t index) const {
         h.setBits(bits);
         return static_cast<float>(h);
       }
-      case Format::real: break;
+      case Format::real:
+        break;
     }
     float v;
     std::memcpy(&v, base + 4 * k, sizeof v);
@@ -75,12 +78,14 @@ Rgb ImagePyramid::fetch(const Level& level, std::size_t index) const {
 Rgb ImagePyramid::texel(int level, int x, int y, WrapMode wrap) const {
   const Level& l = levels_[static_cast<std::size_t>(level)];
   if (!wrap_index(x, l.width, wrap) || !wrap_index(y, l.height, wrap)) return Rgb(0.f);
-  return fetch(l, static_cast<std::size_t>(y) * static_cast<std::size_t>(l.width) + static_cast<std::size_t>(x));
+  return fetch(l, static_cast<std::size_t>(y) * static_cast<std::size_t>(l.width) +
+                      static_cast<std::size_t>(x));
 }
 
 Rgb ImagePyramid::bilinear(int level, const Vec2& st, WrapMode wrap) const {
   const Level& l = levels_[static_cast<std::size_t>(level)];
-  const float s = st.x * static_cast<float>(l.width) - 0.5f, t = st.y * static_cast<float>(l.height) - 0.5f;
+  const float s = st.x * static_cast<float>(l.width) - 0.5f,
+              t = st.y * static_cast<float>(l.height) - 0.5f;
   const float fs = std::floor(s), ft = std::floor(t), ds = s - fs, dt = t - ft;
   const int x = static_cast<int>(fs), y = static_cast<int>(ft);
   return (1.f - dt) * ((1.f - ds) * texel(level, x, y, wrap) + ds * texel(level, x + 1, y, wrap)) +
@@ -106,7 +111,8 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
   const Vec2 middle = st * size - 0.5f;
   d0 *= size;
   d1 *= size;
-  // Implicit ellipse A s^2 + B s t + C t^2 < 1, widened by one texel so that it never misses all centres.
+  // Implicit ellipse A s^2 + B s t + C t^2 < 1, widened by one texel so that it never misses all
+  // centres.
   float a = d0.y * d0.y + d1.y * d1.y + 1.f, b = -2.f * (d0.x * d0.y + d1.x * d1.y);
   float c = d0.x * d0.x + d1.x * d1.x + 1.f;
   const float f = a * c - 0.25f * b * b;
@@ -114,9 +120,12 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
   a /= f;
   b /= f;
   c /= f;
-  const float det = 4.f * a * c - b * b, half_s = 2.f * std::sqrt(c / det), half_t = 2.f * std::sqrt(a / det);
-  const int s0 = static_cast<int>(std::ceil(middle.x - half_s)), s1 = static_cast<int>(std::floor(middle.x + half_s));
-  const int t0 = static_cast<int>(std::ceil(middle.y - half_t)), t1 = static_cast<int>(std::floor(middle.y + half_t));
+  const float det = 4.f * a * c - b * b, half_s = 2.f * std::sqrt(c / det),
+              half_t = 2.f * std::sqrt(a / det);
+  const int s0 = static_cast<int>(std::ceil(middle.x - half_s)),
+            s1 = static_cast<int>(std::floor(middle.x + half_s));
+  const int t0 = static_cast<int>(std::ceil(middle.y - half_t)),
+            t1 = static_cast<int>(std::floor(middle.y + half_t));
   Rgb sum(0.f);
   float weights = 0.f;
   for (int t = t0; t <= t1; ++t) {
@@ -132,7 +141,8 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
   return weights > 0.f ? sum / weights : bilinear(level, st, wrap);
 }
 
-Rgb ImagePyramid::lookup(const Vec2& st_in, const Vec2& dst0, const Vec2& dst1, const ImageFilter& filter) const {
+Rgb ImagePyramid::lookup(const Vec2& st_in, const Vec2& dst0, const Vec2& dst1,
+                         const ImageFilter& filter) const {
   Vec2 st = st_in, major = dst0, minor = dst1;
   if (!bring_near(st, filter.wrap)) return Rgb(0.f);
   const auto bounded = [](Vec2& d) {
@@ -156,7 +166,8 @@ Rgb ImagePyramid::lookup(const Vec2& st_in, const Vec2& dst0, const Vec2& dst1, 
   if (shortest == 0.f) return bilinear(0, st, filter.wrap);
   const float size = static_cast<float>(std::max(levels_[0].width, levels_[0].height));
   const float lod = std::max(0.f, portable::log2(std::max(shortest * size, 1e-8f)));
-  if (lod >= static_cast<float>(level_count() - 1)) return texel(level_count() - 1, 0, 0, filter.wrap);
+  if (lod >= static_cast<float>(level_count() - 1))
+    return texel(level_count() - 1, 0, 0, filter.wrap);
   const int low = static_cast<int>(lod);
   const float f = lod - static_cast<float>(low);
   if (f == 0.f) return ellipse(low, st, major, minor, filter.wrap);

@@ -1,6 +1,7 @@
 #pragma once
-// Images for textures: read once through OpenImageIO, kept as mip-map pyramids in few bytes a texel, filtered by our
-// own code, so that a texel that is resident and one that is paged in give the same bits.
+// Images for textures: read once through OpenImageIO, kept as mip-map pyramids in few bytes a
+// texel, filtered by our own code, so that a texel that is resident and one that is paged in give
+// the same bits.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -17,7 +18,8 @@ namespace cloudrenderer {
 
 enum class WrapMode : std::uint8_t { repeat, black, clamp };
 
-// How the numbers of a file become texture values: v = scale * decode(x) (pbrt-v3), v = (scale * x)^gamma (pbrt-v2).
+// How the numbers of a file become texture values: v = scale * decode(x) (pbrt-v3), v = (scale *
+// x)^gamma (pbrt-v2).
 struct ImageEncoding {
   float scale = 1, gamma = 1;
   bool srgb = false;       // decode sRGB, then scale; gamma is not used
@@ -47,8 +49,9 @@ class ImagePyramid {
   int height() const { return levels_.front().height; }
   int level_count() const { return static_cast<int>(levels_.size()); }
 
-  // Value at st, (0,0) being the corner of the first row, averaged over the ellipse spanned by the two derivatives:
-  // elliptically weighted (Heckbert 1989), or trilinear. Zero derivatives: bilinear on the finest level.
+  // Value at st, (0,0) being the corner of the first row, averaged over the ellipse spanned by the
+  // two derivatives: elliptically weighted (Heckbert 1989), or trilinear. Zero derivatives:
+  // bilinear on the finest level.
   Rgb lookup(const Vec2& st, const Vec2& dst0, const Vec2& dst1, const ImageFilter& filter) const;
   Rgb texel(int level, int x, int y, WrapMode wrap) const;
 
@@ -62,9 +65,9 @@ class ImagePyramid {
   std::vector<Level> levels_;
   int channels_ = 3;
   const std::byte* texels_ = nullptr;
-  std::vector<std::byte> resident_;          // or:
-  BulkArray<std::byte> paged_;               // a mapped temporary file that the system may evict
-  std::array<float, 256> decode_{};          // for bytes
+  std::vector<std::byte> resident_;  // or:
+  BulkArray<std::byte> paged_;       // a mapped temporary file that the system may evict
+  std::array<float, 256> decode_{};  // for bytes
 };
 
 // All images of a scene, each read once. Not thread-safe while images are added.
@@ -72,7 +75,8 @@ class ImageStore {
  public:
   explicit ImageStore(std::uint64_t budget) : budget_(budget) {}
   // Throws SceneError when the file cannot be read.
-  const ImagePyramid* get(const std::string& path, const ImageEncoding& encoding, const FileLocation& where);
+  const ImagePyramid* get(const std::string& path, const ImageEncoding& encoding,
+                          const FileLocation& where);
   std::uint64_t bytes() const { return resident_; }  // of resident texels
 
  private:

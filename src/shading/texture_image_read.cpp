@@ -15,14 +15,17 @@ struct Pixels {
   bool bytes = false;
   std::vector<std::uint8_t> byte;  // as stored in the file
   std::vector<float> real;
-  std::size_t row() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(channels); }
+  std::size_t row() const {
+    return static_cast<std::size_t>(width) * static_cast<std::size_t>(channels);
+  }
 };
 
 Pixels read_pixels(const std::string& path, const FileLocation& where) {
   OIIO::ImageSpec config;
   config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: pbrt ignores alpha
   const auto file = OIIO::ImageInput::open(path, &config);
-  if (!file) throw SceneError(where, "cannot read texture image \"" + path + "\": " + OIIO::geterror());
+  if (!file)
+    throw SceneError(where, "cannot read texture image \"" + path + "\": " + OIIO::geterror());
   const OIIO::ImageSpec& spec = file->spec();
   Pixels p;
   p.width = spec.width;
@@ -40,7 +43,8 @@ Pixels read_pixels(const std::string& path, const FileLocation& where) {
     p.real.resize(count);
     read = file->read_image(0, 0, 0, p.channels, OIIO::TypeDesc::FLOAT, p.real.data());
   }
-  if (!read) throw SceneError(where, "cannot read texture image \"" + path + "\": " + file->geterror());
+  if (!read)
+    throw SceneError(where, "cannot read texture image \"" + path + "\": " + file->geterror());
   return p;
 }
 
@@ -48,7 +52,8 @@ template <class T>
 void flip_rows(std::vector<T>& v, std::size_t row) {
   const std::size_t rows = v.size() / row;
   for (std::size_t y = 0; y < rows / 2; ++y)
-    std::swap_ranges(v.begin() + static_cast<std::ptrdiff_t>(y * row), v.begin() + static_cast<std::ptrdiff_t>((y + 1) * row),
+    std::swap_ranges(v.begin() + static_cast<std::ptrdiff_t>(y * row),
+                     v.begin() + static_cast<std::ptrdiff_t>((y + 1) * row),
                      v.begin() + static_cast<std::ptrdiff_t>((rows - 1 - y) * row));
 }
 
@@ -80,9 +85,11 @@ void to_luminance(Pixels& p) {
 }
 
 // The mean over the covered area: halves each side, rounding down, at least 1.
-std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channels, int out_w, int out_h) {
+std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channels, int out_w,
+                          int out_h) {
   const auto ch = static_cast<std::size_t>(channels);
-  const auto axis = [](int from, int to) {  // for each output: first input and weights of up to three
+  const auto axis = [](int from,
+                       int to) {  // for each output: first input and weights of up to three
     std::vector<std::pair<int, std::array<float, 3>>> taps;
     for (int i = 0; i < to; ++i) {
       const float a = static_cast<float>(i) * static_cast<float>(from) / static_cast<float>(to);
@@ -91,7 +98,8 @@ std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channe
       std::array<float, 3> weight{};
       float sum = 0;
       for (int k = 0; k < 3 && first + k < from; ++k) {
-        const float lo = std::max(a, static_cast<float>(first + k)), hi = std::min(b, static_cast<float>(first + k + 1));
+        const float lo = std::max(a, static_cast<float>(first + k)),
+                    hi = std::min(b, static_cast<float>(first + k + 1));
         sum += weight[static_cast<std::size_t>(k)] = std::max(0.f, hi - lo);
       }
       for (float& x : weight) x /= sum;
@@ -100,7 +108,8 @@ std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channe
     return taps;
   };
   const auto xs = axis(w, out_w), ys = axis(h, out_h);
-  std::vector<float> out(static_cast<std::size_t>(out_w) * static_cast<std::size_t>(out_h) * ch, 0.f);
+  std::vector<float> out(static_cast<std::size_t>(out_w) * static_cast<std::size_t>(out_h) * ch,
+                         0.f);
   std::size_t o = 0;
   for (const auto& [y0, wy] : ys)
     for (const auto& [x0, wx] : xs) {
@@ -109,7 +118,8 @@ std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channe
           const float weight = wy[j] * wx[i];
           if (weight == 0.f) continue;
           const std::size_t at = ((static_cast<std::size_t>(y0) + j) * static_cast<std::size_t>(w) +
-                                  static_cast<std::size_t>(x0) + i) * ch;
+                                  static_cast<std::size_t>(x0) + i) *
+                                 ch;
           for (std::size_t c = 0; c < ch; ++c) out[o + c] += weight * in[at + c];
         }
       o += ch;
@@ -138,7 +148,8 @@ void append(std::vector<std::byte>& out, const std::vector<float>& v, bool half)
 
 }  // namespace
 
-const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding& encoding, const FileLocation& where) {
+const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding& encoding,
+                                    const FileLocation& where) {
   auto& slot = images_[{path, encoding}];
   if (slot) return slot.get();
   Pixels p = read_pixels(path, where);
@@ -150,7 +161,8 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
   std::vector<std::byte>& texels = pyramid->resident_;
   std::vector<float> level;
   if (p.bytes) {
-    for (std::size_t i = 0; i < 256; ++i) pyramid->decode_[i] = encoding.decode(static_cast<float>(i) / 255.f);
+    for (std::size_t i = 0; i < 256; ++i)
+      pyramid->decode_[i] = encoding.decode(static_cast<float>(i) / 255.f);
     texels.resize(p.byte.size());
     std::memcpy(texels.data(), p.byte.data(), p.byte.size());
     level.reserve(p.byte.size());

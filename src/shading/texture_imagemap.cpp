@@ -7,7 +7,8 @@ namespace {
 template <class T>
 class ImagemapTexture final : public Texture<T> {
  public:
-  ImagemapTexture(const TextureMapping& mapping, const ImagePyramid* image, const ImageFilter& filter)
+  ImagemapTexture(const TextureMapping& mapping, const ImagePyramid* image,
+                  const ImageFilter& filter)
       : mapping_(mapping), image_(image), filter_(filter) {}
   T eval(const TexturePoint& at) const override {
     const TextureCoordinates c = mapping_(at);
@@ -35,7 +36,8 @@ bool ends_with(std::string_view s, std::string_view end) {
 
 // pbrt-v3 decodes sRGB by default for the formats that hold it; JPEG it does not read, we do.
 bool is_srgb_file(std::string_view path) {
-  return ends_with(path, ".png") || ends_with(path, ".tga") || ends_with(path, ".jpg") || ends_with(path, ".jpeg");
+  return ends_with(path, ".png") || ends_with(path, ".tga") || ends_with(path, ".jpg") ||
+         ends_with(path, ".jpeg");
 }
 
 }  // namespace
@@ -44,12 +46,14 @@ template <class T>
 MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   const ParamSet& p = in.params.params();
   const std::string path = p.string("filename", "");
-  if (path.empty()) throw SceneError(in.params.location(), "imagemap texture needs a \"string filename\"");
+  if (path.empty())
+    throw SceneError(in.params.location(), "imagemap texture needs a \"string filename\"");
   ImageEncoding encoding;
   encoding.scale = p.real("scale", 1.f);
   if (in.params.dialect() == Dialect::v3) {
     encoding.srgb = p.boolean("gamma", is_srgb_file(path));
-    encoding.flip = true;  // pbrt-v3 puts the lower left corner of the picture at (0,0), pbrt-v2 the upper left one
+    encoding.flip = true;  // pbrt-v3 puts the lower left corner of the picture at (0,0), pbrt-v2
+                           // the upper left one
   } else {
     encoding.gamma = p.real("gamma", 1.f);
   }
@@ -58,9 +62,12 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   filter.trilinear = p.boolean("trilinear", false);
   filter.max_anisotropy = std::clamp(p.real("maxanisotropy", 8.f), 1.f, 64.f);
   const std::string wrap = p.string("wrap", "repeat");
-  if (wrap == "black") filter.wrap = WrapMode::black;
-  else if (wrap == "clamp") filter.wrap = WrapMode::clamp;
-  else if (wrap != "repeat") in.params.warn("unknown wrap \"" + wrap + "\", expected repeat, black or clamp; using repeat");
+  if (wrap == "black")
+    filter.wrap = WrapMode::black;
+  else if (wrap == "clamp")
+    filter.wrap = WrapMode::clamp;
+  else if (wrap != "repeat")
+    in.params.warn("unknown wrap \"" + wrap + "\", expected repeat, black or clamp; using repeat");
   in.params.needs().footprint = true;
   const TextureMapping mapping(in);
   try {

@@ -13,7 +13,8 @@ float unwrap(float d) {
 
 }  // namespace
 
-TextureMapping::TextureMapping(TextureInputs& inputs) : world_to_texture_(inputs.texture_to_world.inverse()) {
+TextureMapping::TextureMapping(TextureInputs& inputs)
+    : world_to_texture_(inputs.texture_to_world.inverse()) {
   const ParamSet& p = inputs.params.params();
   const std::string kind = p.string("mapping", "uv");
   if (kind == "spherical") {
@@ -26,7 +27,9 @@ TextureMapping::TextureMapping(TextureInputs& inputs) : world_to_texture_(inputs
       vs_ = p.vector3("v1", vs_);
       vt_ = p.vector3("v2", vt_);
     } else {
-      if (kind != "uv") inputs.params.warn("unknown texture mapping \"" + kind + "\", expected uv, spherical, cylindrical or planar; using uv");
+      if (kind != "uv")
+        inputs.params.warn("unknown texture mapping \"" + kind +
+                           "\", expected uv, spherical, cylindrical or planar; using uv");
       scale_ = {p.real("uscale", 1.f), p.real("vscale", 1.f)};
       inputs.params.needs().uv = true;
     }
@@ -46,12 +49,14 @@ Vec2 TextureMapping::around(const Vec3& world) const {
 
 TextureCoordinates TextureMapping::operator()(const TexturePoint& at) const {
   switch (kind_) {
-    case Kind::uv: return {at.uv * scale_ + delta_, at.duvdx * scale_, at.duvdy * scale_};
+    case Kind::uv:
+      return {at.uv * scale_ + delta_, at.duvdx * scale_, at.duvdy * scale_};
     case Kind::planar:
       return {delta_ + Vec2(glm::dot(at.p, vs_), glm::dot(at.p, vt_)),
               {glm::dot(at.dpdx, vs_), glm::dot(at.dpdx, vt_)},
               {glm::dot(at.dpdy, vs_), glm::dot(at.dpdy, vt_)}};
-    default: break;
+    default:
+      break;
   }
   TextureCoordinates c{around(at.p), Vec2(0.f), Vec2(0.f)};
   if (at.dpdx == Vec3(0.f) && at.dpdy == Vec3(0.f)) return c;

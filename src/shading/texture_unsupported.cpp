@@ -5,7 +5,8 @@ namespace cloudrenderer {
 
 template <class T>
 MadeTexture<T> make_unsupported_texture(TextureInputs& in) {
-  in.params.warn("this kind of texture is not supported; using its constant \"inside\" value, or 0.5");
+  in.params.warn(
+      "this kind of texture is not supported; using its constant \"inside\" value, or 0.5");
   for (const Param& p : in.params.params().all()) p.used = true;  // one warning is enough
   return in.params.value<T>("inside", 0.5f).constant;
 }
