@@ -1,11 +1,12 @@
+#include "scene/scene_codec.h"
+
 #include <gtest/gtest.h>
 
-#include <cstring>
+#include <bit>
 #include <functional>
 #include <random>
 
 #include "scene/scene.pb.h"
-#include "scene/scene_codec.h"
 #include "scene_collector.h"
 
 namespace cloudrenderer {
@@ -30,7 +31,9 @@ WorldEnd)",
       .scene;
 }
 
-Result<SceneDescription> decoded(const std::string& bytes) { return decode_scene(std::as_bytes(std::span(bytes))); }
+Result<SceneDescription> decoded(const std::string& bytes) {
+  return decode_scene(std::as_bytes(std::span(bytes)));
+}
 
 void expect_same(const Entity& a, const Entity& b) {
   EXPECT_EQ(a.type, b.type);
@@ -44,8 +47,10 @@ void expect_same(const Entity& a, const Entity& b) {
     EXPECT_EQ(p.location.to_string(), q.location.to_string());
     EXPECT_EQ(p.used, q.used);
     ASSERT_EQ(p.reals.size(), q.reals.size());
-    EXPECT_EQ(std::memcmp(p.reals.view().data(), q.reals.view().data(), p.reals.view().size_bytes()), 0);
-    EXPECT_TRUE(std::equal(p.integers.begin(), p.integers.end(), q.integers.begin(), q.integers.end()));
+    for (std::size_t j = 0; j < p.reals.size(); ++j)
+      EXPECT_EQ(std::bit_cast<std::uint32_t>(p.reals[j]), std::bit_cast<std::uint32_t>(q.reals[j]));
+    EXPECT_TRUE(
+        std::equal(p.integers.begin(), p.integers.end(), q.integers.begin(), q.integers.end()));
   }
 }
 
@@ -107,10 +112,13 @@ TEST(SceneCodec, RejectsWhatDoesNotFit) {
   EXPECT_TRUE(fails([](P& m) { m.mutable_film()->mutable_params(0)->add_strings("x"); }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_film()->mutable_params(1)->set_name("xresolution"); }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_film()->mutable_params(1)->add_integers(1); }));
-  EXPECT_TRUE(fails([](P& m) { m.mutable_textures(1)->mutable_entity()->mutable_params(1)->set_integers(0, 2); }));
+  EXPECT_TRUE(fails([](P& m) {
+    m.mutable_textures(1)->mutable_entity()->mutable_params(1)->set_integers(0, 2);
+  }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_textures(1)->set_name("t"); }));
   EXPECT_TRUE(fails([](P& m) { m.clear_textures(); }));
-  EXPECT_TRUE(fails([](P& m) { m.mutable_lights(0)->mutable_entity()->mutable_params(0)->add_reals(1); }));
+  EXPECT_TRUE(
+      fails([](P& m) { m.mutable_lights(0)->mutable_entity()->mutable_params(0)->add_reals(1); }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_camera()->mutable_world_to_camera()->add_matrix(1); }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_camera()->mutable_world_to_camera()->clear_inverse(); }));
   EXPECT_TRUE(fails([](P& m) { m.set_source(std::string(2 << 20, 'x')); }));
@@ -132,7 +140,8 @@ TEST(SceneCodec, SurvivesAnyBytes) {
   for (std::size_t n = 0; n < good.size(); ++n) (void)decoded(good.substr(0, n));
   for (int i = 0; i < 5000; ++i) {
     std::string bytes = good;
-    for (unsigned j = 1 + random() % 4; j != 0; --j) bytes[random() % bytes.size()] = static_cast<char>(random());
+    for (unsigned j = 1 + random() % 4; j != 0; --j)
+      bytes[random() % bytes.size()] = static_cast<char>(random());
     if (const auto scene = decoded(bytes)) encode(*scene);
   }
   for (int i = 0; i < 2000; ++i) {

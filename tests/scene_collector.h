@@ -54,7 +54,8 @@ struct SceneCounter : SceneSink {
 class TemporaryFolder {
  public:
   TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "cloudrenderer-test-XXXXXX").string();
+    std::string name =
+        (std::filesystem::temp_directory_path() / "cloudrenderer-test-XXXXXX").string();
     if (!mkdtemp(name.data())) throw std::runtime_error("no temporary folder");
     path_ = std::filesystem::canonical(name).string();
   }
@@ -65,7 +66,8 @@ class TemporaryFolder {
   std::string path(const std::string& name) const { return path_ + "/" + name; }
   std::string write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories(std::filesystem::path(path(name)).parent_path());
-    std::filesystem::remove(path(name));  // replacing a file's bytes makes some file systems write to the disk at once
+    std::filesystem::remove(
+        path(name));  // replacing a file's bytes makes some file systems write to the disk at once
     std::ofstream(path(name), std::ios::binary) << text;
     return path(name);
   }
@@ -80,7 +82,8 @@ struct ParsedScene {
   Warnings warnings;
 };
 
-inline ParsedScene parse_text(const std::string& text, std::optional<Dialect> dialect = std::nullopt) {
+inline ParsedScene parse_text(const std::string& text,
+                              std::optional<Dialect> dialect = std::nullopt) {
   const TemporaryFolder folder;
   ParsedScene out;
   out.scene = parse_scene(folder.write("scene.pbrt", text), {dialect}, out.sink, out.warnings);

@@ -3,8 +3,8 @@
 
 #include <iostream>
 
-#include "scene_collector.h"
 #include "scene/scene_codec.h"
+#include "scene_collector.h"
 
 namespace cloudrenderer {
 namespace {
@@ -45,8 +45,9 @@ void parses_all(const std::string& version, Dialect dialect) {
       const auto again = decode_scene(std::as_bytes(std::span(bytes)));
       ASSERT_TRUE(again) << again.error();
       EXPECT_EQ(encode(*again), bytes);
-      std::cout << file << ": " << sink.shapes << " shapes, " << sink.instances << " instances, " << sink.numbers
-                << " numbers, " << scene.materials.size() << " materials, " << warnings.list().size() << " warnings\n"
+      std::cout << file << ": " << sink.shapes << " shapes, " << sink.instances << " instances, "
+                << sink.numbers << " numbers, " << scene.materials.size() << " materials, "
+                << warnings.list().size() << " warnings\n"
                 << joined(warnings);
     } catch (const std::exception& e) {
       ADD_FAILURE() << e.what();

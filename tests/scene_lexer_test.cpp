@@ -10,12 +10,15 @@
 namespace cloudrenderer {
 namespace {
 
-Lexer lexer_of(const std::string& text) { return Lexer(SourceText::from_string("test.pbrt", text)); }
+Lexer lexer_of(const std::string& text) {
+  return Lexer(SourceText::from_string("test.pbrt", text));
+}
 
 std::vector<std::string> words_of(const std::string& text) {
   Lexer lexer = lexer_of(text);
   std::vector<std::string> out;
-  for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) out.emplace_back(t.text);
+  for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next())
+    out.emplace_back(t.text);
   return out;
 }
 

@@ -16,14 +16,17 @@ const MaterialDesc& material_of(const ParsedScene& p, std::size_t shape) {
 const Dialect kBoth[] = {Dialect::v2, Dialect::v3};
 
 TEST(Materials, MatteIsTheDefault) {
-  for (const Dialect d : kBoth) EXPECT_EQ(material_of(world("Shape \"sphere\"", d), 0).type, "matte");
+  for (const Dialect d : kBoth)
+    EXPECT_EQ(material_of(world("Shape \"sphere\"", d), 0).type, "matte");
 }
 
 TEST(Materials, EqualOnesAreOne) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(
-        "Material \"matte\" \"rgb Kd\" [1 0 0] Shape \"a\" Material \"matte\" \"rgb Kd\" [0 1 0] Shape \"b\" "
-        "Material \"matte\" \"rgb Kd\" [1 0 0] Shape \"c\" MakeNamedMaterial \"n\" \"string type\" \"matte\" \"rgb Kd\" "
+        "Material \"matte\" \"rgb Kd\" [1 0 0] Shape \"a\" Material \"matte\" \"rgb Kd\" [0 1 0] "
+        "Shape \"b\" "
+        "Material \"matte\" \"rgb Kd\" [1 0 0] Shape \"c\" MakeNamedMaterial \"n\" \"string type\" "
+        "\"matte\" \"rgb Kd\" "
         "[0 1 0] NamedMaterial \"n\" Shape \"d\"",
         d);
     EXPECT_EQ(p.scene.materials.size(), 2u);
@@ -35,7 +38,8 @@ TEST(Materials, EqualOnesAreOne) {
 TEST(Materials, BelongToTheirBlock) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(
-        "Material \"glass\" AttributeBegin Material \"mirror\" Shape \"a\" AttributeEnd Shape \"b\" "
+        "Material \"glass\" AttributeBegin Material \"mirror\" Shape \"a\" AttributeEnd Shape "
+        "\"b\" "
         "TransformBegin Material \"metal\" TransformEnd Shape \"c\"",
         d);
     EXPECT_EQ(material_of(p, 0).type, "mirror");
@@ -47,7 +51,8 @@ TEST(Materials, BelongToTheirBlock) {
 TEST(Materials, NamedOnesBelongToTheirBlock) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(
-        "MakeNamedMaterial \"m\" \"string type\" \"glass\" AttributeBegin MakeNamedMaterial \"m\" \"string type\" "
+        "MakeNamedMaterial \"m\" \"string type\" \"glass\" AttributeBegin MakeNamedMaterial \"m\" "
+        "\"string type\" "
         "\"mirror\" NamedMaterial \"m\" Shape \"a\" AttributeEnd NamedMaterial \"m\" Shape \"b\"",
         d);
     EXPECT_EQ(material_of(p, 0).type, "mirror");
@@ -58,7 +63,8 @@ TEST(Materials, NamedOnesBelongToTheirBlock) {
 TEST(Materials, ParametersOfTheShapeOverride) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(
-        "Material \"plastic\" \"rgb Kd\" [1 0 0] \"float roughness\" .2 Shape \"sphere\" \"rgb Kd\" [0 0 1] "
+        "Material \"plastic\" \"rgb Kd\" [1 0 0] \"float roughness\" .2 Shape \"sphere\" \"rgb "
+        "Kd\" [0 0 1] "
         "\"float radius\" 3 Shape \"sphere\"",
         d);
     EXPECT_EQ(material_of(p, 0).params.rgb("Kd", {}), Rgb(0, 0, 1));
@@ -72,7 +78,8 @@ TEST(Materials, ParametersOfTheShapeOverride) {
 
 TEST(Materials, InV2ATextureOfTheMaterialHidesAValueOfTheShape) {
   const std::string text =
-      "Texture \"t\" \"color\" \"constant\" Material \"matte\" \"texture Kd\" \"t\" Shape \"a\" \"rgb Kd\" [1 1 1]";
+      "Texture \"t\" \"color\" \"constant\" Material \"matte\" \"texture Kd\" \"t\" Shape \"a\" "
+      "\"rgb Kd\" [1 1 1]";
   EXPECT_TRUE(material_of(world(text, Dialect::v2), 0).params.texture("Kd"));
   EXPECT_FALSE(material_of(world(text, Dialect::v3), 0).params.texture("Kd"));
 }
@@ -80,9 +87,12 @@ TEST(Materials, InV2ATextureOfTheMaterialHidesAValueOfTheShape) {
 TEST(Materials, MixNamesMaterialsBeforeIt) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(
-        "MakeNamedMaterial \"a\" \"string type\" \"glass\" MakeNamedMaterial \"b\" \"string type\" \"mirror\" "
-        "MakeNamedMaterial \"c\" \"string type\" \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\" "
-        "MakeNamedMaterial \"d\" \"string type\" \"mix\" \"string namedmaterial1\" \"c\" \"string namedmaterial2\" "
+        "MakeNamedMaterial \"a\" \"string type\" \"glass\" MakeNamedMaterial \"b\" \"string type\" "
+        "\"mirror\" "
+        "MakeNamedMaterial \"c\" \"string type\" \"mix\" \"string namedmaterial1\" \"a\" \"string "
+        "namedmaterial2\" \"b\" "
+        "MakeNamedMaterial \"d\" \"string type\" \"mix\" \"string namedmaterial1\" \"c\" \"string "
+        "namedmaterial2\" "
         "\"missing\" NamedMaterial \"d\" Shape \"x\"",
         d);
     const auto mixed = [&](const MaterialDesc& m, const char* name) -> const MaterialDesc& {
@@ -111,14 +121,17 @@ TEST(Materials, UnknownNamesAreMatteWithAWarning) {
 TEST(Materials, NoneIsTheNullMaterial) {
   for (const Dialect d : kBoth)
     for (const char* name : {"\"none\"", "\"\""})
-      EXPECT_EQ(material_of(world(std::string("Material ") + name + " Shape \"a\"", d), 0).type, "none");
+      EXPECT_EQ(material_of(world(std::string("Material ") + name + " Shape \"a\"", d), 0).type,
+                "none");
 }
 
 TEST(Textures, GetUniqueNamesWhenRedefined) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(
-        "Texture \"t\" \"color\" \"constant\" Material \"matte\" \"texture Kd\" \"t\" Shape \"a\" AttributeBegin "
-        "Texture \"t\" \"color\" \"checkerboard\" \"texture tex1\" \"t\" Material \"matte\" \"texture Kd\" \"t\" "
+        "Texture \"t\" \"color\" \"constant\" Material \"matte\" \"texture Kd\" \"t\" Shape \"a\" "
+        "AttributeBegin "
+        "Texture \"t\" \"color\" \"checkerboard\" \"texture tex1\" \"t\" Material \"matte\" "
+        "\"texture Kd\" \"t\" "
         "Shape \"b\" AttributeEnd Material \"matte\" \"texture Kd\" \"t\" Shape \"c\"",
         d);
     ASSERT_EQ(p.scene.textures.size(), 2u);
@@ -133,7 +146,8 @@ TEST(Textures, GetUniqueNamesWhenRedefined) {
 TEST(Textures, FloatAndSpectrumOnesHaveNamesOfTheirOwn) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(
-        "Texture \"t\" \"color\" \"constant\" Texture \"t\" \"float\" \"constant\" Material \"uber\" \"texture Kd\" "
+        "Texture \"t\" \"color\" \"constant\" Texture \"t\" \"float\" \"constant\" Material "
+        "\"uber\" \"texture Kd\" "
         "\"t\" \"texture bumpmap\" \"t\" Shape \"trianglemesh\" \"texture alpha\" \"t\"",
         d);
     EXPECT_EQ(material_of(p, 0).params.texture("Kd"), "t");
@@ -144,7 +158,8 @@ TEST(Textures, FloatAndSpectrumOnesHaveNamesOfTheirOwn) {
 
 TEST(Textures, OfAV2MaterialAreThoseOfTheShapesBlock) {
   const std::string text =
-      "Texture \"t\" \"color\" \"constant\" Material \"matte\" \"texture Kd\" \"t\" Texture \"t\" \"color\" \"dots\" "
+      "Texture \"t\" \"color\" \"constant\" Material \"matte\" \"texture Kd\" \"t\" Texture \"t\" "
+      "\"color\" \"dots\" "
       "Shape \"a\"";
   EXPECT_EQ(material_of(world(text, Dialect::v2), 0).params.texture("Kd"), "t#2");
   EXPECT_EQ(material_of(world(text, Dialect::v3), 0).params.texture("Kd"), "t");
@@ -152,7 +167,8 @@ TEST(Textures, OfAV2MaterialAreThoseOfTheShapesBlock) {
 
 TEST(Textures, UnknownOnesAreDroppedWithAWarning) {
   for (const Dialect d : kBoth) {
-    const ParsedScene p = world("Material \"matte\" \"texture Kd\" \"gone\" Shape \"a\" Shape \"b\"", d);
+    const ParsedScene p =
+        world("Material \"matte\" \"texture Kd\" \"gone\" Shape \"a\" Shape \"b\"", d);
     EXPECT_FALSE(material_of(p, 0).params.has("Kd"));
     EXPECT_EQ(p.warnings.list().size(), 1u) << joined(p.warnings);
   }

@@ -47,7 +47,8 @@ TEST(Number, TooLargeIsInfiniteAndTooSmallIsZero) {
 }
 
 TEST(Number, RejectsWhatIsNone) {
-  for (const std::string_view text : {"", "-", "+", ".", "e5", "1e", "1e+", "-.e1", "+-1", "--1", "nan", "inf"}) {
+  for (const std::string_view text :
+       {"", "-", "+", ".", "e5", "1e", "1e+", "-.e1", "+-1", "--1", "nan", "inf"}) {
     const char* p = text.data();
     float v;
     EXPECT_FALSE(parse_float(p, text.data() + text.size(), v)) << text;
@@ -55,16 +56,20 @@ TEST(Number, RejectsWhatIsNone) {
 }
 
 TEST(Number, NeverRoundsTwice) {
-  // Decimals at and beside the middle of two floats, where a rounding to double first would go wrong.
-  for (const char* text : {"1.00000005960464477539", "1.000000059604644775390625", "1.0000000596046448", "16777217",
-                           "16777217.000000001", "8.589973e9", "9007199791611905e-9", "33554435", "1.1754943e-38"})
+  // Decimals at and beside the middle of two floats, where a rounding to double first would go
+  // wrong.
+  for (const char* text :
+       {"1.00000005960464477539", "1.000000059604644775390625", "1.0000000596046448", "16777217",
+        "16777217.000000001", "8.589973e9", "9007199791611905e-9", "33554435", "1.1754943e-38"})
     EXPECT_EQ(parsed(text), reference(text)) << text;
 }
 
 TEST(Number, AgreesWithFromCharsOnRandomNumbers) {
   std::mt19937_64 random(1);
   const auto check = [](const std::string& text) {
-    ASSERT_EQ(std::bit_cast<std::uint32_t>(parsed(text)), std::bit_cast<std::uint32_t>(reference(text))) << text;
+    ASSERT_EQ(std::bit_cast<std::uint32_t>(parsed(text)),
+              std::bit_cast<std::uint32_t>(reference(text)))
+        << text;
   };
   for (int i = 0; i < 300000; ++i) {
     char buffer[80];
@@ -72,14 +77,17 @@ TEST(Number, AgreesWithFromCharsOnRandomNumbers) {
     const float f = std::bit_cast<float>(bits);
     if (std::isfinite(f)) {  // shortest, and the exact decimal of a middle between two floats
       check(std::string(buffer, std::to_chars(buffer, buffer + 80, f).ptr));
-      const double middle = (static_cast<double>(f) + static_cast<double>(std::nextafter(f, 1e38f))) / 2;
+      const double middle =
+          (static_cast<double>(f) + static_cast<double>(std::nextafter(f, 1e38f))) / 2;
       if (std::fabs(middle) > 1e-30)
         check(std::string(buffer, std::to_chars(buffer, buffer + 80, middle).ptr));
     }
     const double d = static_cast<double>(static_cast<std::int64_t>(random())) / 1e15;
     const int digits = static_cast<int>(random() % 18);
-    check(std::string(buffer, std::to_chars(buffer, buffer + 80, d, std::chars_format::fixed, digits).ptr));
-    check(std::string(buffer, std::to_chars(buffer, buffer + 80, d, std::chars_format::scientific, digits).ptr));
+    check(std::string(buffer,
+                      std::to_chars(buffer, buffer + 80, d, std::chars_format::fixed, digits).ptr));
+    check(std::string(
+        buffer, std::to_chars(buffer, buffer + 80, d, std::chars_format::scientific, digits).ptr));
   }
 }
 

@@ -15,7 +15,8 @@ ParamSet params(const std::string& text, Dialect dialect = Dialect::v2) {
 
 TEST(ParamSet, LooksUpByNameAndType) {
   const ParamSet p = params(
-      "\"float r\" 2.5 \"integer n\" [7] \"bool b\" \"true\" \"bool c\" [false] \"string s\" [\"word\"]"
+      "\"float r\" 2.5 \"integer n\" [7] \"bool b\" \"true\" \"bool c\" [false] \"string s\" "
+      "[\"word\"]"
       " \"point a\" [1 2 3] \"vector v\" [4 5 6] \"rgb x\" [.1 .2 .3]");
   EXPECT_EQ(p.real("r", 0), 2.5f);
   EXPECT_EQ(p.real("n", 0), 7.f);
@@ -42,7 +43,8 @@ TEST(ParamSet, GivesDefaultsForAbsentNames) {
 }
 
 TEST(ParamSet, ThrowsForOtherTypesAndCounts) {
-  const ParamSet p = params("\"float r\" [1 2] \"string s\" \"x\" \"rgb c\" [1 1 1 2 2 2] \"float one\" 1");
+  const ParamSet p =
+      params("\"float r\" [1 2] \"string s\" \"x\" \"rgb c\" [1 1 1 2 2 2] \"float one\" 1");
   EXPECT_THROW(p.real("r", 0), SceneError);
   EXPECT_THROW(p.integer("one", 0), SceneError);
   EXPECT_THROW(p.real("s", 0), SceneError);
@@ -55,7 +57,9 @@ TEST(ParamSet, ThrowsForOtherTypesAndCounts) {
   try {
     p.real("s", 0);
   } catch (const SceneError& e) {
-    EXPECT_NE(std::string(e.what()).find("scene.pbrt:1:43: error: parameter \"s\""), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find("scene.pbrt:1:43: error: parameter \"s\""),
+              std::string::npos)
+        << e.what();
   }
 }
 
@@ -76,7 +80,8 @@ TEST(ParamSet, LaterParametersReplaceEarlierOnes) {
 
 TEST(Params, AcceptOldAndNewSpellingsOfTypes) {
   const ParamSet p = params(
-      "\"point3 a\" [1 2 3] \"point2 b\" [1 2] \"vector3 c\" [1 2 3] \"vector2 d\" [1 2] \"normal3 e\" [0 0 1]"
+      "\"point3 a\" [1 2 3] \"point2 b\" [1 2] \"vector3 c\" [1 2 3] \"vector2 d\" [1 2] \"normal3 "
+      "e\" [0 0 1]"
       " \"color f\" [1 1 1] \"normal g\" [0 1 0]  \"float uv\" [0 0 1 1] \"  float\t st \" [1 2]");
   EXPECT_EQ(p.find("a")->type, ParamType::point3);
   EXPECT_EQ(p.find("b")->type, ParamType::point2);

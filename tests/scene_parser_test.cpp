@@ -65,17 +65,21 @@ TEST(Parser, TellsTheDialects) {
   EXPECT_EQ(dialect("SurfaceIntegrator \"path\" WorldBegin WorldEnd"), Dialect::v2);
   EXPECT_EQ(dialect("Renderer \"sampler\" WorldBegin WorldEnd"), Dialect::v2);
   EXPECT_EQ(dialect("Integrator \"path\" WorldBegin WorldEnd"), Dialect::v3);
-  EXPECT_EQ(dialect("WorldBegin Shape \"trianglemesh\" \"point P\" [1 2 3] Shape \"plymesh\" WorldEnd"), Dialect::v3);
+  EXPECT_EQ(
+      dialect("WorldBegin Shape \"trianglemesh\" \"point P\" [1 2 3] Shape \"plymesh\" WorldEnd"),
+      Dialect::v3);
   EXPECT_EQ(dialect("WorldBegin MakeNamedMedium \"m\" WorldEnd"), Dialect::v3);
   EXPECT_EQ(dialect("WorldBegin Texture \"Integrator\" \"float\" \"scale\" WorldEnd"), Dialect::v2);
   EXPECT_EQ(dialect("WorldBegin WorldEnd # Integrator"), Dialect::v2);
-  EXPECT_EQ(parse_text("Integrator \"path\" WorldBegin WorldEnd", Dialect::v2).scene.dialect, Dialect::v2);
+  EXPECT_EQ(parse_text("Integrator \"path\" WorldBegin WorldEnd", Dialect::v2).scene.dialect,
+            Dialect::v2);
 }
 
 TEST(Parser, TellsTheDialectFromAnInclude) {
   const TemporaryFolder folder;
   folder.write("geometry/a.pbrt", "Shape \"plymesh\" \"string filename\" \"mesh.ply\"");
-  const std::string path = folder.write("a.pbrt", "WorldBegin Include \"geometry/a.pbrt\" WorldEnd");
+  const std::string path =
+      folder.write("a.pbrt", "WorldBegin Include \"geometry/a.pbrt\" WorldEnd");
   SceneCollector sink;
   Warnings warnings;
   EXPECT_EQ(parse_scene(path, {}, sink, warnings).dialect, Dialect::v3);
@@ -83,13 +87,16 @@ TEST(Parser, TellsTheDialectFromAnInclude) {
 
 TEST(Parser, IncludesAndFilesAreRelativeToTheTopOrTheIncluder) {
   const TemporaryFolder folder;
-  folder.write("geometry/a.pbrt", "Include \"b.pbrt\"\nShape \"plymesh\" \"string filename\" \"beside.ply\"");
-  folder.write("geometry/b.pbrt", "Include \"geometry/c.pbrt\" Shape \"b\" \"string filename\" \"top.ply\"");
+  folder.write("geometry/a.pbrt",
+               "Include \"b.pbrt\"\nShape \"plymesh\" \"string filename\" \"beside.ply\"");
+  folder.write("geometry/b.pbrt",
+               "Include \"geometry/c.pbrt\" Shape \"b\" \"string filename\" \"top.ply\"");
   folder.write("geometry/c.pbrt", "Shape \"c\" \"string filename\" \"nowhere.ply\"");
   folder.write("geometry/beside.ply", "");
   folder.write("top.ply", "");
   folder.write("geometry/top.ply", "");
-  const std::string path = folder.write("a.pbrt", "WorldBegin Include \"geometry/a.pbrt\" Shape \"last\" WorldEnd");
+  const std::string path =
+      folder.write("a.pbrt", "WorldBegin Include \"geometry/a.pbrt\" Shape \"last\" WorldEnd");
   SceneCollector sink;
   Warnings warnings;
   parse_scene(path, {}, sink, warnings);
@@ -110,8 +117,8 @@ Translate 0 5 0
 ObjectInstance "tree"
 ObjectInstance "bush"
 Shape "disk")");
-  EXPECT_EQ(p.sink.events,
-            (std::vector<std::string>{"begin tree", "shape sphere", "end", "instance", "shape disk"}));
+  EXPECT_EQ(p.sink.events, (std::vector<std::string>{"begin tree", "shape sphere", "end",
+                                                     "instance", "shape disk"}));
   EXPECT_EQ(p.sink.shapes[0].object, ObjectId(0));
   EXPECT_EQ(p.sink.shapes[0].object_to_world.point(Vec3(0)), Vec3(1, 0, 0));
   EXPECT_FALSE(p.sink.shapes[1].object);
@@ -138,8 +145,9 @@ Translate 1 0 0
 TransformEnd
 Shape "cone"
 AttributeEnd)");
-  EXPECT_EQ(p.sink.events, (std::vector<std::string>{"begin a", "shape sphere", "end", "begin b", "end", "begin c",
-                                                     "shape disk", "end", "shape cone"}));
+  EXPECT_EQ(p.sink.events,
+            (std::vector<std::string>{"begin a", "shape sphere", "end", "begin b", "end", "begin c",
+                                      "shape disk", "end", "shape cone"}));
   EXPECT_TRUE(p.sink.shapes.back().object_to_world.is_identity());
 }
 
@@ -153,14 +161,16 @@ TEST(Parser, MissingEndsAreWarnings) {
 }
 
 TEST(Parser, RendersTheFirstOfSeveralWorlds) {
-  const ParsedScene p = parse_text("WorldBegin Shape \"a\" WorldEnd\nWorldBegin Shape \"b\" WorldEnd");
+  const ParsedScene p =
+      parse_text("WorldBegin Shape \"a\" WorldEnd\nWorldBegin Shape \"b\" WorldEnd");
   EXPECT_EQ(p.sink.shapes.size(), 1u);
   EXPECT_NE(joined(p.warnings).find("only the first world"), std::string::npos);
   EXPECT_EQ(world("WorldBegin Shape \"a\"").sink.shapes.size(), 1u);
 }
 
 TEST(Parser, DirectivesOutOfPlaceAreIgnoredWithAWarning) {
-  const ParsedScene p = parse_text("AttributeBegin Shape \"a\" AttributeEnd WorldBegin Film \"x\" Camera \"y\" WorldEnd");
+  const ParsedScene p = parse_text(
+      "AttributeBegin Shape \"a\" AttributeEnd WorldBegin Film \"x\" Camera \"y\" WorldEnd");
   EXPECT_TRUE(p.sink.shapes.empty());
   EXPECT_EQ(p.scene.film.type, "image");
   EXPECT_EQ(p.scene.camera.type, "perspective");
@@ -177,18 +187,21 @@ Shape "sphere"
 Volume "homogeneous" "point p0" [0 0 0])");
   EXPECT_EQ(p.sink.shapes.size(), 1u);
   EXPECT_EQ(p.warnings.list().size(), 1u) << joined(p.warnings);
-  EXPECT_NE(p.warnings.list()[0].find("scene.pbrt:3:1: warning: participating media"), std::string::npos);
+  EXPECT_NE(p.warnings.list()[0].find("scene.pbrt:3:1: warning: participating media"),
+            std::string::npos);
 }
 
 TEST(Parser, AreaLightsInObjectsAreIgnored) {
-  const ParsedScene p = world("AreaLightSource \"area\" ObjectBegin \"a\" Shape \"sphere\" Shape \"disk\" ObjectEnd");
+  const ParsedScene p =
+      world("AreaLightSource \"area\" ObjectBegin \"a\" Shape \"sphere\" Shape \"disk\" ObjectEnd");
   EXPECT_FALSE(p.sink.shapes[0].area_light);
   EXPECT_TRUE(p.scene.area_lights.empty());
   EXPECT_EQ(p.warnings.list().size(), 1u);
 }
 
 TEST(Parser, ShapesShareTheirAreaLight) {
-  const ParsedScene p = world("AreaLightSource \"area\" Shape \"a\" Shape \"b\" AreaLightSource \"area\" Shape \"c\"");
+  const ParsedScene p = world(
+      "AreaLightSource \"area\" Shape \"a\" Shape \"b\" AreaLightSource \"area\" Shape \"c\"");
   EXPECT_EQ(p.scene.area_lights.size(), 2u);
   EXPECT_EQ(p.sink.shapes[1].area_light, AreaLightId(0));
   EXPECT_EQ(p.sink.shapes[2].area_light, AreaLightId(1));

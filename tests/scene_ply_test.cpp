@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include <array>
 #include <algorithm>
+#include <array>
 #include <random>
 
 #include "scene/ply.h"
@@ -20,12 +20,15 @@ void put(std::string& out, T v, bool big) {
 
 // A quad and a triangle over five vertices with normals and uv, and properties that nobody reads.
 std::string binary_ply(bool big) {
-  std::string out = std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
-                    " 1.0\ncomment made by hand\nobj_info x\nelement vertex 5\nproperty float x\nproperty double y\n"
-                    "property float z\nproperty uchar red\nproperty float nx\nproperty float ny\nproperty float nz\n"
-                    "property float u\nproperty float v\nelement extra 2\nproperty list uchar short things\n"
-                    "element face 2\nproperty uchar flag\nproperty list uchar int vertex_indices\n"
-                    "property list uint float weights\nend_header\n";
+  std::string out =
+      std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
+      " 1.0\ncomment made by hand\nobj_info x\nelement vertex 5\nproperty float x\nproperty double "
+      "y\n"
+      "property float z\nproperty uchar red\nproperty float nx\nproperty float ny\nproperty float "
+      "nz\n"
+      "property float u\nproperty float v\nelement extra 2\nproperty list uchar short things\n"
+      "element face 2\nproperty uchar flag\nproperty list uchar int vertex_indices\n"
+      "property list uint float weights\nend_header\n";
   for (int i = 0; i < 5; ++i) {
     put(out, static_cast<float>(i), big);
     put(out, 0.5 * i, big);
@@ -50,8 +53,10 @@ std::string binary_ply(bool big) {
 }
 
 const std::string kAscii =
-    "ply\r\nformat ascii 1.0\r\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-    "property float s\nproperty float t\nelement face 1\nproperty list uchar uint vertex_index\nend_header\n"
+    "ply\r\nformat ascii 1.0\r\nelement vertex 4\nproperty float x\nproperty float y\nproperty "
+    "float z\n"
+    "property float s\nproperty float t\nelement face 1\nproperty list uchar uint "
+    "vertex_index\nend_header\n"
     "0 0 0 0 0\r\n1 0 0 1e0 0\n1 1 +0 1 1\n0 1. 0 0 1\n4 0 1 2 3\n";
 
 PlyMesh read(const std::string& text) {
@@ -97,25 +102,41 @@ TEST(Ply, ReadsBothByteOrders) {
     EXPECT_EQ(m.uvs[2], Vec2(0.2f, 0.25f));
     ASSERT_EQ(m.triangles.size(), 3u);
     EXPECT_EQ(m.triangles[2], glm::u32vec3(2, 3, 4));
-    EXPECT_EQ((std::vector<std::uint32_t>{m.faces.begin(), m.faces.end()}), (std::vector<std::uint32_t>{0, 0, 1}));
+    EXPECT_EQ((std::vector<std::uint32_t>{m.faces.begin(), m.faces.end()}),
+              (std::vector<std::uint32_t>{0, 0, 1}));
   }
 }
 
 TEST(Ply, SaysWhatIsWrongAndWhere) {
-  EXPECT_NE(error_of("plx\n").find("mesh.ply:1:1: error: a PLY file must begin"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "float z", "floot z")).find("mesh.ply:6:1: error: unknown type"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "vertex 4", "vertex 400000000000")).find("too short"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "4 0 1 2 3", "4 0 1 2 4")).find("vertex 4"), std::string::npos);
+  EXPECT_NE(error_of("plx\n").find("mesh.ply:1:1: error: a PLY file must begin"),
+            std::string::npos);
+  EXPECT_NE(
+      error_of(replaced(kAscii, "float z", "floot z")).find("mesh.ply:6:1: error: unknown type"),
+      std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "vertex 4", "vertex 400000000000")).find("too short"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "4 0 1 2 3", "4 0 1 2 4")).find("vertex 4"),
+            std::string::npos);
   EXPECT_NE(error_of(replaced(kAscii, "4 0 1 2 3", "4 0 1 -2 3")).find("-2"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "4 0 1 2 3", "4 0 1 2")).find("too early"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "4 0 1 2 3", "999999 0 1 2 3")).find("does not fit"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "1 1 +0", "1 x +0")).find("mesh.ply:14:1: error: expected a number"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "1 1 +0", "1 1e99 +0")).find("not finite"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "format ascii", "format utf")).find("format"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "property float x", "property float w")).find("no x, y, z"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "vertex_index", "corners")).find("vertex_indices"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "element face 1\n", "element faces 1\n")).find("no element"), std::string::npos);
-  EXPECT_NE(error_of(replaced(kAscii, "end_header", "end")).find("unknown line"), std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "4 0 1 2 3", "4 0 1 2")).find("too early"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "4 0 1 2 3", "999999 0 1 2 3")).find("does not fit"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "1 1 +0", "1 x +0"))
+                .find("mesh.ply:14:1: error: expected a number"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "1 1 +0", "1 1e99 +0")).find("not finite"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "format ascii", "format utf")).find("format"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "property float x", "property float w")).find("no x, y, z"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "vertex_index", "corners")).find("vertex_indices"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "element face 1\n", "element faces 1\n")).find("no element"),
+            std::string::npos);
+  EXPECT_NE(error_of(replaced(kAscii, "end_header", "end")).find("unknown line"),
+            std::string::npos);
   EXPECT_NE(error_of("").find("does not end"), std::string::npos);
   EXPECT_THROW(read_ply("/nowhere/mesh.ply", {}), SceneError);
 }
@@ -140,7 +161,8 @@ TEST(Ply, SurvivesDamage) {
 
 TEST(Ply, ReadsEmptyMeshes) {
   const PlyMesh m = read(
-      "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n"
+      "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float "
+      "z\n"
       "element face 0\nproperty list uchar int vertex_indices\nend_header\n");
   EXPECT_TRUE(m.positions.empty());
   EXPECT_TRUE(m.triangles.empty());

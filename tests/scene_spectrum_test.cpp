@@ -24,7 +24,8 @@ TEST(Spectrum, TheTableIsTheObserver) {
 
 TEST(Spectrum, ConstantOneIsEqualEnergyWhite) {
   // The row sums of the matrix, as X, Y and Z are equal within 3e-4.
-  expect_near(spectrum_to_rgb({{400, 700}, {1, 1}}, Dialect::v2), {1.2048f, 0.9483f, 0.9089f}, 6e-4f);
+  expect_near(spectrum_to_rgb({{400, 700}, {1, 1}}, Dialect::v2), {1.2048f, 0.9483f, 0.9089f},
+              6e-4f);
 }
 
 TEST(Spectrum, DialectsDifferByOneSampleIn471) {
@@ -42,18 +43,22 @@ TEST(Spectrum, GoldIsWhatEveryRendererQuotes) {
   const std::string folder = std::string(CLOUDRENDERER_SHARED_DIR) + "/scenes/v2/spds/metals/";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "the spectra are not here: " << folder;
   // Widely quoted RGB values of gold, from the same measurements and observer.
-  expect_near(spectrum_to_rgb(read_spd(folder + "Au.eta.spd", {}), Dialect::v2), {0.1431f, 0.3750f, 1.4425f}, 2e-3f);
-  expect_near(spectrum_to_rgb(read_spd(folder + "Au.k.spd", {}), Dialect::v2), {3.9832f, 2.3857f, 1.6032f}, 2e-3f);
+  expect_near(spectrum_to_rgb(read_spd(folder + "Au.eta.spd", {}), Dialect::v2),
+              {0.1431f, 0.3750f, 1.4425f}, 2e-3f);
+  expect_near(spectrum_to_rgb(read_spd(folder + "Au.k.spd", {}), Dialect::v2),
+              {3.9832f, 2.3857f, 1.6032f}, 2e-3f);
 }
 
 TEST(Spectrum, BlackbodiesGoFromRedToBlue) {
   for (const Dialect d : {Dialect::v2, Dialect::v3}) {
-    const Rgb warm = blackbody_to_rgb(2700, d), white = blackbody_to_rgb(6500, d), hot = blackbody_to_rgb(20000, d);
+    const Rgb warm = blackbody_to_rgb(2700, d), white = blackbody_to_rgb(6500, d),
+              hot = blackbody_to_rgb(20000, d);
     EXPECT_GT(warm.x, 2 * warm.z);
     EXPECT_GT(hot.z, hot.x);
     EXPECT_NEAR(white.x / white.y, 1, 0.1);
     EXPECT_EQ(blackbody_to_rgb(0, d), Rgb(0));
-    for (const double kelvin : {1e-30, 1.0, 30.0, 1e12, 1e300}) EXPECT_TRUE(is_finite(blackbody_to_rgb(kelvin, d)));
+    for (const double kelvin : {1e-30, 1.0, 30.0, 1e12, 1e300})
+      EXPECT_TRUE(is_finite(blackbody_to_rgb(kelvin, d)));
   }
   // v2 is 1 at 555 nm, so its luminance is near 1; v3 is 1 at the maximum.
   EXPECT_NEAR(luminance(blackbody_to_rgb(6500, Dialect::v2)), 1.f, 0.05f);
@@ -63,10 +68,11 @@ TEST(Spectrum, BlackbodiesGoFromRedToBlue) {
 TEST(Spectrum, IsReadInEverySpelling) {
   const TemporaryFolder folder;
   folder.write("grey.spd", "# a comment\n400 0.5\r\n 700 0.5 # more\n");
-  const std::string path = folder.write("a.pbrt",
-                                        "WorldBegin Shape \"sphere\" \"spectrum a\" [400 .5 700 .5] \"spectrum b\" "
-                                        "\"grey.spd\" \"spectrum c\" [\"grey.spd\"] \"xyz d\" [1 1 1] \"blackbody e\" "
-                                        "[6500 2] WorldEnd");
+  const std::string path =
+      folder.write("a.pbrt",
+                   "WorldBegin Shape \"sphere\" \"spectrum a\" [400 .5 700 .5] \"spectrum b\" "
+                   "\"grey.spd\" \"spectrum c\" [\"grey.spd\"] \"xyz d\" [1 1 1] \"blackbody e\" "
+                   "[6500 2] WorldEnd");
   SceneCollector sink;
   Warnings warnings;
   parse_scene(path, {}, sink, warnings);

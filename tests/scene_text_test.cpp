@@ -1,9 +1,10 @@
+#include "scene/scene_text.h"
+
 #include <gtest/gtest.h>
 
 #include <sstream>
 
 #include "scene/scene_codec.h"
-#include "scene/scene_text.h"
 #include "scene_collector.h"
 
 namespace cloudrenderer {
@@ -52,7 +53,8 @@ std::string essence(SceneDescription scene) {
     }
     e.params = std::move(params);
   };
-  strip(scene.camera), strip(scene.film), strip(scene.sampler), strip(scene.filter), strip(scene.integrator);
+  strip(scene.camera), strip(scene.film), strip(scene.sampler), strip(scene.filter),
+      strip(scene.integrator);
   for (auto& t : scene.textures) strip(t);
   for (auto& m : scene.materials) strip(m), m.object_to_world = {};
   for (auto& l : scene.lights) strip(l);
@@ -81,7 +83,9 @@ TEST(SceneText, ReadsBackAsTheSameScene) {
     ASSERT_EQ(q.sink.shapes.size(), p.sink.shapes.size());
     ASSERT_EQ(q.scene.materials.size(), p.scene.materials.size());
     for (std::size_t i = 0; i < p.sink.shapes.size(); ++i) {
-      const auto type = [&](const ParsedScene& s) { return s.scene.materials[s.sink.shapes[i].material.value].type; };
+      const auto type = [&](const ParsedScene& s) {
+        return s.scene.materials[s.sink.shapes[i].material.value].type;
+      };
       EXPECT_EQ(type(p), type(q));
       EXPECT_EQ(p.sink.shapes[i].object_to_world, q.sink.shapes[i].object_to_world);
     }

@@ -40,12 +40,14 @@ TEST(Transforms, MatricesAreListedByColumns) {
   const std::string m = "[1 0 0 0  0 2 0 0  0 0 3 0  10 20 30 1]";
   EXPECT_EQ(shape_transform("Scale 9 9 9 Transform " + m).point({1, 1, 1}), Vec3(11, 22, 33));
   EXPECT_EQ(shape_transform("Scale 2 2 2 ConcatTransform " + m).point({1, 1, 1}), Vec3(22, 44, 66));
-  EXPECT_EQ(shape_transform("Transform 1 0 0 0  0 2 0 0  0 0 3 0  10 20 30 1").point({0, 0, 0}), Vec3(10, 20, 30));
+  EXPECT_EQ(shape_transform("Transform 1 0 0 0  0 2 0 0  0 0 3 0  10 20 30 1").point({0, 0, 0}),
+            Vec3(10, 20, 30));
   EXPECT_TRUE(shape_transform("Scale 2 2 2 Identity").is_identity());
 }
 
 TEST(Transforms, LookAtPutsTheTargetOnTheAxis) {
-  ParsedScene p = parse_text("LookAt 1 2 3  1 2 8  0 1 0 Camera \"perspective\" WorldBegin WorldEnd");
+  ParsedScene p =
+      parse_text("LookAt 1 2 3  1 2 8  0 1 0 Camera \"perspective\" WorldBegin WorldEnd");
   const Transform& t = p.scene.camera.world_to_camera;
   EXPECT_EQ(t.point({1, 2, 3}), Vec3(0));
   EXPECT_EQ(t.point({1, 2, 8}), Vec3(0, 0, 5));
@@ -54,7 +56,8 @@ TEST(Transforms, LookAtPutsTheTargetOnTheAxis) {
 }
 
 TEST(Transforms, SingularLookAtIsIgnoredWithAWarning) {
-  for (const char* look : {"LookAt 0 0 0  0 1 0  0 2 0", "LookAt 1 1 1  1 1 1  0 1 0", "LookAt 0 0 0  1 0 0  0 0 0"}) {
+  for (const char* look :
+       {"LookAt 0 0 0  0 1 0  0 2 0", "LookAt 1 1 1  1 1 1  0 1 0", "LookAt 0 0 0  1 0 0  0 0 0"}) {
     ParsedScene p = parse_text(std::string(look) + " Camera \"perspective\" WorldBegin WorldEnd");
     EXPECT_TRUE(p.scene.camera.world_to_camera.is_identity()) << look;
     EXPECT_NE(joined(p.warnings).find("LookAt"), std::string::npos);
@@ -62,10 +65,13 @@ TEST(Transforms, SingularLookAtIsIgnoredWithAWarning) {
 }
 
 TEST(Transforms, NamedCoordinateSystemsCanBeUsedAgain) {
-  EXPECT_EQ(shape_transform("Translate 1 0 0 CoordinateSystem \"a\" Scale 5 5 5 CoordSysTransform \"a\"").point(Vec3(0)),
-            Vec3(1, 0, 0));
+  EXPECT_EQ(
+      shape_transform("Translate 1 0 0 CoordinateSystem \"a\" Scale 5 5 5 CoordSysTransform \"a\"")
+          .point(Vec3(0)),
+      Vec3(1, 0, 0));
   ParsedScene p = parse_text(
-      "Translate 0 0 5 Camera \"perspective\" WorldBegin CoordSysTransform \"camera\" Shape \"sphere\" WorldEnd");
+      "Translate 0 0 5 Camera \"perspective\" WorldBegin CoordSysTransform \"camera\" Shape "
+      "\"sphere\" WorldEnd");
   EXPECT_EQ(p.sink.shapes.at(0).object_to_world.point(Vec3(0)), Vec3(0, 0, -5));
 }
 
@@ -76,7 +82,8 @@ TEST(Transforms, WorldBeginResets) {
 
 TEST(Transforms, MotionKeepsTheStart) {
   const Transform t = shape_transform(
-      "ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 0 5 0 ActiveTransform All "
+      "ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 0 5 0 "
+      "ActiveTransform All "
       "Translate 0 0 2");
   EXPECT_EQ(t.point(Vec3(0)), Vec3(1, 0, 2));
 }

@@ -1,6 +1,7 @@
 #pragma once
-// The colour matching functions of the CIE 1931 2 degree standard observer from 360 to 830 nm in steps of 1 nm: x, y, z.
-// Source: the CIE's table as published by the Colour & Vision Research Laboratory, UCL (ciexyz31_1).
+// The colour matching functions of the CIE 1931 2 degree standard observer, x, y, z, from 360 to
+// 830 nm in steps of 1 nm. Source: the CIE's table as published by the Colour & Vision Research
+// Laboratory, UCL (ciexyz31_1).
 #include <array>
 
 namespace cloudrenderer {

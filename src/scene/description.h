@@ -23,18 +23,19 @@ struct CameraDesc : Entity {
   Transform world_to_camera;
 };
 
-// Textures have unique names: one that redefines a name in the scene gets a new one ("name#2"), and parameters that
-// refer to it carry the unique name. A texture refers only to textures before it in the list.
+// Textures have unique names: one that redefines a name in the scene gets a new one ("name#2"), and
+// parameters that refer to it carry the unique name. A texture refers only to textures before it in
+// the list.
 struct TextureDesc : Entity {
   std::string name;
   bool is_float = false;  // else spectrum
   Transform texture_to_world;
 };
 
-// Materials of the scene, without duplicates. For v2, parameters of a shape that override the material's (pbrt-v2
-// looks there first) have been merged. In a `mix` material the parameters "namedmaterial1/2" are strings that hold
-// the decimal index of the mixed materials in this list, which stand before it.
-// type "" or "none": v3's null material (the surface is passed through).
+// Materials of the scene, without duplicates. For v2, parameters of a shape that override the
+// material's (pbrt-v2 looks there first) have been merged. In a `mix` material the parameters
+// "namedmaterial1/2" are strings that hold the decimal index of the mixed materials in this list,
+// which stand before it. type "" or "none": v3's null material (the surface is passed through).
 struct MaterialDesc : Entity {
   Transform object_to_world;  // for 3D texture mappings of nothing else; kept for completeness
 };
@@ -43,40 +44,45 @@ struct LightDesc : Entity {
   Transform light_to_world;
 };
 
-// The main scene without its geometry: plain values, nothing built. It is what `Split` stores and what every host
-// gets. Relative file names in parameters have been made absolute by the parser (or relative to the split folder).
+// The main scene without its geometry: plain values, nothing built. It is what `Split` stores and
+// what every host gets. Relative file names in parameters have been made absolute by the parser (or
+// relative to the split folder).
 struct SceneDescription {
   Dialect dialect = Dialect::v2;
   std::string source;  // the file name as given
   CameraDesc camera;
-  Entity film, sampler, filter, integrator;  // types in pbrt's words; defaults of the dialect when absent
+  Entity film, sampler, filter,
+      integrator;  // types in pbrt's words; defaults of the dialect when absent
   // v2's `Renderer`, `VolumeIntegrator`, `Accelerator`, when given (read for warnings only).
   std::optional<Entity> renderer, volume_integrator;
   std::vector<TextureDesc> textures;
   std::vector<MaterialDesc> materials;
-  std::vector<LightDesc> lights;       // LightSource directives
-  std::vector<Entity> area_lights;     // AreaLightSource directives that a shape uses
+  std::vector<LightDesc> lights;    // LightSource directives
+  std::vector<Entity> area_lights;  // AreaLightSource directives that a shape uses
 };
 
-// A shape as read; geometry is not built yet. Valid until the sink's call returns, unless moved from.
+// A shape as read; geometry is not built yet. Valid until the sink's call returns, unless moved
+// from.
 struct ShapeDesc : Entity {
   Transform object_to_world;
   bool reverse_orientation = false;
-  MaterialId material;         // index into SceneDescription::materials
-  AreaLightId area_light;      // none: does not emit
-  ObjectId object;             // none: stands in the world; else belongs to that prototype
+  MaterialId material;     // index into SceneDescription::materials
+  AreaLightId area_light;  // none: does not emit
+  ObjectId object;         // none: stands in the world; else belongs to that prototype
 };
 
 struct InstanceDesc {
   ObjectId object;
-  // World from the space in which the object's shapes are given: the CTM at ObjectInstance. (Shapes inside an object
-  // carry the CTM of their place in the ObjectBegin block as object_to_world, as in pbrt.)
+  // World from the space in which the object's shapes are given: the CTM at ObjectInstance. (Shapes
+  // inside an object carry the CTM of their place in the ObjectBegin block as object_to_world, as
+  // in pbrt.)
   Transform instance_to_world;
   FileLocation location;
 };
 
-// Receives the geometry of a scene while it is read, in file order; nothing is kept by the parser, so that a scene of
-// any size streams through. `scene` grows while reading: materials and area lights a call names are already in it.
+// Receives the geometry of a scene while it is read, in file order; nothing is kept by the parser,
+// so that a scene of any size streams through. `scene` grows while reading: materials and area
+// lights a call names are already in it.
 class SceneSink {
  public:
   virtual ~SceneSink() = default;
@@ -90,8 +96,9 @@ struct ParseOptions {
   std::optional<Dialect> dialect;  // forced by --dialect
 };
 
-// Reads a .pbrt file (v2 or v3 spelling, gzip allowed) with its includes. Throws SceneError for what cannot be
-// rendered; everything merely odd goes to `warnings`.
-SceneDescription parse_scene(const std::string& path, const ParseOptions& options, SceneSink& sink, Warnings& warnings);
+// Reads a .pbrt file (v2 or v3 spelling, gzip allowed) with its includes. Throws SceneError for
+// what cannot be rendered; everything merely odd goes to `warnings`.
+SceneDescription parse_scene(const std::string& path, const ParseOptions& options, SceneSink& sink,
+                             Warnings& warnings);
 
 }  // namespace cloudrenderer

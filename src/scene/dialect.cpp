@@ -46,17 +46,20 @@ class Detector {
   }
 
  private:
-  std::optional<Dialect> scan_text(const std::shared_ptr<const SourceText>& text, const std::string& path) {
+  std::optional<Dialect> scan_text(const std::shared_ptr<const SourceText>& text,
+                                   const std::string& path) {
     Lexer lexer(text);
     for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) {
       if (t.kind == Token::Kind::open) lexer.skip_array();
       if (t.kind != Token::Kind::word) continue;
       const bool has_type = lexer.peek().kind == Token::Kind::string;
       for (const Sign& sign : kSigns)
-        if (t.text == sign.directive && (sign.type.empty() || (has_type && lexer.peek().text == sign.type)))
+        if (t.text == sign.directive &&
+            (sign.type.empty() || (has_type && lexer.peek().text == sign.type)))
           return sign.dialect;
       if (t.text == "Include" && has_type)
-        if (const auto found = scan(paths_.find(Lexer::unescape(lexer.peek().text), path))) return found;
+        if (const auto found = scan(paths_.find(Lexer::unescape(lexer.peek().text), path)))
+          return found;
       if (t.text == "WorldEnd") return std::nullopt;
     }
     return std::nullopt;

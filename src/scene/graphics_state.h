@@ -32,8 +32,9 @@ class ScopedMap {
 struct MaterialSource {
   Entity entity;
   Transform object_to_world;
-  bool textures_resolved = false;  // v2 looks a material's textures up where a shape uses it, v3 where it is defined
-  MaterialId id;                   // in the description, once a shape has used it as it is
+  bool textures_resolved =
+      false;      // v2 looks a material's textures up where a shape uses it, v3 where it is defined
+  MaterialId id;  // in the description, once a shape has used it as it is
 };
 
 struct AreaLightSource {

@@ -16,8 +16,17 @@ constexpr std::ptrdiff_t kLongestString = 1 << 16;
 
 bool is_delimiter(char c) {
   switch (c) {
-    case ' ': case '\t': case '\n': case '\r': case '\f': case '\v':
-    case '[': case ']': case '"': case '#': case ',':
+    case ' ':
+    case '\t':
+    case '\n':
+    case '\r':
+    case '\f':
+    case '\v':
+    case '[':
+    case ']':
+    case '"':
+    case '#':
+    case ',':
       return true;
     default:
       return false;
@@ -93,7 +102,12 @@ void Lexer::skip_blanks() {
         ++line_;
         line_start_ = ++p_;
         break;
-      case ' ': case '\t': case '\r': case '\f': case '\v': case ',':
+      case ' ':
+      case '\t':
+      case '\r':
+      case '\f':
+      case '\v':
+      case ',':
         ++p_;
         break;
       case '#': {
@@ -138,14 +152,16 @@ Token Lexer::scan() {
 
 void Lexer::bad_number(const char* begin) const {
   const Token t = at(begin);
-  if (begin == end_) throw SceneError(location(t), "expected a number or ']', found the end of the file");
+  if (begin == end_)
+    throw SceneError(location(t), "expected a number or ']', found the end of the file");
   if (starts_number(*begin)) {
-    const std::string_view text(begin, static_cast<std::size_t>(find_delimiter(begin, end_) - begin));
+    const std::string_view text(begin,
+                                static_cast<std::size_t>(find_delimiter(begin, end_) - begin));
     throw SceneError(location(t), quoted('\'', text) + " is not a number");
   }
   const std::size_t n = static_cast<std::size_t>(find_delimiter(begin, end_) - begin);
-  throw SceneError(location(t),
-                   "expected a number or ']', found " + quoted('\'', {begin, std::max<std::size_t>(n, 1)}));
+  throw SceneError(location(t), "expected a number or ']', found " +
+                                    quoted('\'', {begin, std::max<std::size_t>(n, 1)}));
 }
 
 BulkArray<float> Lexer::read_floats(bool finite) {
@@ -155,9 +171,11 @@ BulkArray<float> Lexer::read_floats(bool finite) {
     if (p_ != end_ && *p_ == ']') break;
     const char* const begin = p_;
     float v;
-    if (p_ == end_ || !starts_number(*p_) || !parse_float(p_, end_, v) || (p_ != end_ && !is_delimiter(*p_)))
+    if (p_ == end_ || !starts_number(*p_) || !parse_float(p_, end_, v) ||
+        (p_ != end_ && !is_delimiter(*p_)))
       bad_number(begin);
-    if (finite && !std::isfinite(v)) throw SceneError(location(at(begin)), "the number is too large for a float");
+    if (finite && !std::isfinite(v))
+      throw SceneError(location(at(begin)), "the number is too large for a float");
     out.push_back(v);
   }
   ++p_;
@@ -218,9 +236,12 @@ void Lexer::skip_array() {
 
 std::string Lexer::describe(const Token& t) {
   switch (t.kind) {
-    case Token::Kind::end: return "the end of the file";
-    case Token::Kind::string: return quoted('"', t.text);
-    default: return quoted('\'', t.text);
+    case Token::Kind::end:
+      return "the end of the file";
+    case Token::Kind::string:
+      return quoted('"', t.text);
+    default:
+      return quoted('\'', t.text);
   }
 }
 
@@ -233,12 +254,23 @@ std::string Lexer::unescape(std::string_view text) {
       continue;
     }
     switch (text[++i]) {
-      case 'n': out += '\n'; break;
-      case 't': out += '\t'; break;
-      case 'r': out += '\r'; break;
-      case '"': out += '"'; break;
-      case '\\': out += '\\'; break;
-      default: out += '\\', out += text[i];  // a path as Windows writes it
+      case 'n':
+        out += '\n';
+        break;
+      case 't':
+        out += '\t';
+        break;
+      case 'r':
+        out += '\r';
+        break;
+      case '"':
+        out += '"';
+        break;
+      case '\\':
+        out += '\\';
+        break;
+      default:
+        out += '\\', out += text[i];  // a path as Windows writes it
     }
   }
   return out;

@@ -18,8 +18,9 @@ struct Token {
   std::uint32_t line = 1, column = 1;
 };
 
-// Cuts a pbrt file into tokens. Knows nothing of directives, so that the parser, the dialect detection and tools can
-// share it. Commas count as blanks. Throws SceneError for text that is no token.
+// Cuts a pbrt file into tokens. Knows nothing of directives, so that the parser, the dialect
+// detection and tools can share it. Commas count as blanks. Throws SceneError for text that is no
+// token.
 class Lexer {
  public:
   explicit Lexer(std::shared_ptr<const SourceText> source);
@@ -36,8 +37,8 @@ class Lexer {
   FileLocation here() const { return location(at(p_)); }
   const SourceText& source() const { return *source_; }
 
-  // The rest of an array of numbers, just after its '[', up to and including the ']'. `finite`: numbers too large for a
-  // float are an error, else they are infinite.
+  // The rest of an array of numbers, just after its '[', up to and including the ']'. `finite`:
+  // numbers too large for a float are an error, else they are infinite.
   BulkArray<float> read_floats(bool finite);
   // Whole numbers; fractions are cut off as in pbrt and counted in `fractions`.
   BulkArray<std::int32_t> read_integers(std::uint64_t& fractions);

@@ -9,11 +9,13 @@ namespace cloudrenderer {
 
 namespace detail {
 // Powers of ten that a double holds exactly.
-inline constexpr double kExactPowers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
-                                          1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+inline constexpr double kExactPowers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                          1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+                                          1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 inline bool is_digit(char c) { return static_cast<unsigned char>(c - '0') < 10; }
 
-// The slow way, for numbers with many digits or extreme exponents. [begin, end) is a well-formed number without '+'.
+// The slow way, for numbers with many digits or extreme exponents. [begin, end) is a well-formed
+// number without '+'.
 inline float float_from_chars(const char* begin, const char* end) {
   float v = 0;
   if (std::from_chars(begin, end, v).ec != std::errc::result_out_of_range) return v;
@@ -33,13 +35,14 @@ inline float float_from_chars(const char* begin, const char* end) {
 }
 }  // namespace detail
 
-// Reads a decimal number ("1", "+.5", "-2.", "1e+006") at p and moves p behind it. Gives exactly the float nearest to
-// the decimal, as std::from_chars does; infinity when it is too large, 0 when it is too small. Returns false, with p
-// where the number breaks off, when there is none.
+// Reads a decimal number ("1", "+.5", "-2.", "1e+006") at p and moves p behind it. Gives exactly
+// the float nearest to the decimal, as std::from_chars does; infinity when it is too large, 0 when
+// it is too small. Returns false, with p where the number breaks off, when there is none.
 //
-// Method: a mantissa below 2^53 and a power of ten up to 22 are exact doubles, so that one operation gives the nearest
-// double (Clinger 1990, "How to Read Floating Point Numbers Accurately"). Rounding it again to float is right unless
-// the double lies exactly between two floats.
+// Method: a mantissa below 2^53 and a power of ten up to 22 are exact doubles, so that one
+// operation gives the nearest double (Clinger 1990, "How to Read Floating Point Numbers
+// Accurately"). Rounding it again to float is right unless the double lies exactly between two
+// floats.
 inline bool parse_float(const char*& p, const char* end, float& out) {
   using detail::is_digit;
   const bool plus = p != end && *p == '+';

@@ -59,8 +59,8 @@ const TypeRow& declared_type(std::string_view& rest, const FileLocation& where) 
     if (row.word == word) return row;
   std::string known;
   for (const TypeRow& row : kTypes) known += (known.empty() ? "" : ", ") + std::string(row.word);
-  throw SceneError(where, "expected a parameter as \"type name\", found \"" + std::string(word) + std::string(rest) +
-                              "\"; types are " + known);
+  throw SceneError(where, "expected a parameter as \"type name\", found \"" + std::string(word) +
+                              std::string(rest) + "\"; types are " + known);
 }
 
 BulkArray<float> from_colors(const std::vector<Rgb>& colors) {
@@ -76,7 +76,8 @@ ParamSet ParamReader::read(Lexer& lexer, bool reads_files) {
   ParamSet out;
   while (lexer.peek().kind == Token::Kind::string) {
     if (out.all().size() == kMostParams)
-      throw SceneError(lexer.location(lexer.peek()), "more than " + std::to_string(kMostParams) + " parameters");
+      throw SceneError(lexer.location(lexer.peek()),
+                       "more than " + std::to_string(kMostParams) + " parameters");
     out.add(read_one(lexer, reads_files));
   }
   return out;
@@ -90,7 +91,8 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
   const TypeRow& row = declared_type(rest, p.location);
   p.type = row.type;
   p.name = std::string(take_word(rest));
-  if (p.name.empty()) throw SceneError(p.location, "the parameter \"" + std::string(row.word) + "\" has no name");
+  if (p.name.empty())
+    throw SceneError(p.location, "the parameter \"" + std::string(row.word) + "\" has no name");
 
   if (row.type == ParamType::integer) {
     p.integers = integers(lexer, p);
@@ -108,8 +110,8 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
     const auto v = p.reals.view();
     if (row.spelling == Spelling::xyz)
       for (std::size_t i = 0; i < v.size(); i += 3)
-        colors.push_back(
-            xyz_to_rgb(static_cast<double>(v[i]), static_cast<double>(v[i + 1]), static_cast<double>(v[i + 2])));
+        colors.push_back(xyz_to_rgb(static_cast<double>(v[i]), static_cast<double>(v[i + 1]),
+                                    static_cast<double>(v[i + 2])));
     if (row.spelling == Spelling::blackbody)
       for (std::size_t i = 0; i < v.size(); i += 2)
         colors.push_back(v[i + 1] * blackbody_to_rgb(static_cast<double>(v[i]), dialect_));
@@ -119,7 +121,8 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
 }
 
 // Excess components are dropped with a warning, as in pbrt.
-BulkArray<float> ParamReader::whole(BulkArray<float> values, std::size_t components, const Param& p) {
+BulkArray<float> ParamReader::whole(BulkArray<float> values, std::size_t components,
+                                    const Param& p) {
   const std::size_t excess = values.size() % components;
   if (excess == 0) return values;
   const std::size_t kept = values.size() - excess;
@@ -138,7 +141,8 @@ BulkArray<float> ParamReader::reals(Lexer& lexer, bool finite) {
   if (t.kind != Token::Kind::number)
     throw SceneError(lexer.location(t), "expected a number or '[', found " + Lexer::describe(t));
   const float v = lexer.to_float(t);
-  if (finite && !std::isfinite(v)) throw SceneError(lexer.location(t), "the number is too large for a float");
+  if (finite && !std::isfinite(v))
+    throw SceneError(lexer.location(t), "the number is too large for a float");
   return BulkArray<float>(std::vector<float>{v});
 }
 
@@ -146,11 +150,16 @@ BulkArray<std::int32_t> ParamReader::integers(Lexer& lexer, const Param& p) {
   const Token t = lexer.next();
   std::uint64_t fractions = 0;
   BulkArray<std::int32_t> out;
-  if (t.kind == Token::Kind::open) out = lexer.read_integers(fractions);
-  else if (t.kind == Token::Kind::number) out = BulkArray<std::int32_t>({lexer.to_integer(t, fractions)});
-  else throw SceneError(lexer.location(t), "expected a whole number or '[', found " + Lexer::describe(t));
+  if (t.kind == Token::Kind::open)
+    out = lexer.read_integers(fractions);
+  else if (t.kind == Token::Kind::number)
+    out = BulkArray<std::int32_t>({lexer.to_integer(t, fractions)});
+  else
+    throw SceneError(lexer.location(t),
+                     "expected a whole number or '[', found " + Lexer::describe(t));
   if (fractions != 0)
-    warnings_.add(p.location, "parameter \"" + p.name + "\" of type integer has fractions: cut off");
+    warnings_.add(p.location,
+                  "parameter \"" + p.name + "\" of type integer has fractions: cut off");
   return out;
 }
 
@@ -174,7 +183,8 @@ std::vector<std::string> ParamReader::strings(Lexer& lexer) {
   std::vector<std::string> out;
   const auto value = [&](const Token& t) {
     if (t.kind != Token::Kind::string)
-      throw SceneError(lexer.location(t), "expected a string in quotes, found " + Lexer::describe(t));
+      throw SceneError(lexer.location(t),
+                       "expected a string in quotes, found " + Lexer::describe(t));
     out.push_back(Lexer::unescape(t.text));
   };
   Token t = lexer.next();
@@ -192,8 +202,10 @@ BulkArray<float> ParamReader::spectrum(Lexer& lexer, const Param& p) {
     for (t = lexer.next(); t.kind != Token::Kind::close; t = lexer.next()) {
       if (t.kind != Token::Kind::number && t.kind != Token::Kind::string)
         throw SceneError(lexer.location(t),
-                         "expected wavelengths and values, or the name of a .spd file, found " + Lexer::describe(t));
-      if (tokens.size() == kMostSamples) throw SceneError(lexer.location(t), "the spectrum has too many samples");
+                         "expected wavelengths and values, or the name of a .spd file, found " +
+                             Lexer::describe(t));
+      if (tokens.size() == kMostSamples)
+        throw SceneError(lexer.location(t), "the spectrum has too many samples");
       tokens.push_back(t);
     }
   else
@@ -203,11 +215,14 @@ BulkArray<float> ParamReader::spectrum(Lexer& lexer, const Param& p) {
     std::vector<Rgb> colors;
     for (const Token& name : tokens) {
       if (name.kind != Token::Kind::string)
-        throw SceneError(lexer.location(name), "expected the name of a .spd file, found " + Lexer::describe(name));
+        throw SceneError(lexer.location(name),
+                         "expected the name of a .spd file, found " + Lexer::describe(name));
       const std::string path = paths_.find(Lexer::unescape(name.text), *lexer.source().name());
       auto known = spd_files_.find(path);
       if (known == spd_files_.end())
-        known = spd_files_.emplace(path, spectrum_to_rgb(read_spd(path, lexer.location(name)), dialect_)).first;
+        known = spd_files_
+                    .emplace(path, spectrum_to_rgb(read_spd(path, lexer.location(name)), dialect_))
+                    .first;
       colors.push_back(known->second);
     }
     return from_colors(colors);
@@ -220,7 +235,8 @@ BulkArray<float> ParamReader::spectrum(Lexer& lexer, const Param& p) {
       throw SceneError(lexer.location(tokens[i]), "the number is too large for a float");
   }
   if (s.values.empty())
-    throw SceneError(p.location, "parameter \"" + p.name + "\" needs pairs of wavelength and value, or a .spd file");
+    throw SceneError(p.location, "parameter \"" + p.name +
+                                     "\" needs pairs of wavelength and value, or a .spd file");
   if (tokens.size() % 2 != 0)
     warnings_.add(p.location, "the last wavelength of \"" + p.name + "\" has no value: ignored");
   return from_colors({spectrum_to_rgb(std::move(s), dialect_)});

@@ -12,8 +12,8 @@
 
 namespace cloudrenderer {
 
-// Reads the parameter list of a directive: `"type name" value ...` until something else follows. Spectra become RGB as
-// the dialect has it, names of files to read become absolute.
+// Reads the parameter list of a directive: `"type name" value ...` until something else follows.
+// Spectra become RGB as the dialect has it, names of files to read become absolute.
 class ParamReader {
  public:
   ParamReader(Dialect dialect, const FilePaths& paths, Warnings& warnings)

@@ -8,29 +8,42 @@ namespace {
 
 const char* type_word(ParamType type) {
   switch (type) {
-    case ParamType::boolean: return "bool";
-    case ParamType::integer: return "integer";
-    case ParamType::real: return "float";
-    case ParamType::point2: return "point2";
-    case ParamType::vector2: return "vector2";
-    case ParamType::point3: return "point";
-    case ParamType::vector3: return "vector";
-    case ParamType::normal3: return "normal";
-    case ParamType::rgb: return "rgb";
-    case ParamType::string: return "string";
-    case ParamType::texture: return "texture";
+    case ParamType::boolean:
+      return "bool";
+    case ParamType::integer:
+      return "integer";
+    case ParamType::real:
+      return "float";
+    case ParamType::point2:
+      return "point2";
+    case ParamType::vector2:
+      return "vector2";
+    case ParamType::point3:
+      return "point";
+    case ParamType::vector3:
+      return "vector";
+    case ParamType::normal3:
+      return "normal";
+    case ParamType::rgb:
+      return "rgb";
+    case ParamType::string:
+      return "string";
+    case ParamType::texture:
+      return "texture";
   }
   return "?";
 }
 
 [[noreturn]] void wrong_type(const Param& p, const char* expected) {
-  throw SceneError(p.location, "parameter \"" + p.name + "\" must be of type " + expected + ", got " + type_word(p.type));
+  throw SceneError(p.location, "parameter \"" + p.name + "\" must be of type " + expected +
+                                   ", got " + type_word(p.type));
 }
 
 void need_values(const Param& p, std::size_t have, std::size_t want) {
   if (have != want)
     throw SceneError(p.location, "parameter \"" + p.name + "\" must have " + std::to_string(want) +
-                                     (want == 1 ? " value" : " components") + ", got " + std::to_string(have));
+                                     (want == 1 ? " value" : " components") + ", got " +
+                                     std::to_string(have));
 }
 
 bool holds_reals(ParamType type) {
@@ -46,9 +59,12 @@ Vec3 three(const Param& p) {
 }  // namespace
 
 void ParamSet::add(Param p) {
-  const auto same = std::find_if(params_.begin(), params_.end(), [&](const Param& q) { return q.name == p.name; });
-  if (same != params_.end()) *same = std::move(p);
-  else params_.push_back(std::move(p));
+  const auto same = std::find_if(params_.begin(), params_.end(),
+                                 [&](const Param& q) { return q.name == p.name; });
+  if (same != params_.end())
+    *same = std::move(p);
+  else
+    params_.push_back(std::move(p));
 }
 
 const Param* ParamSet::find(std::string_view name) const {
@@ -151,7 +167,9 @@ BulkArray<std::int32_t> ParamSet::integers(std::string_view name) const {
 
 void ParamSet::report_unused(std::string_view owner, Warnings& warnings) const {
   for (const Param& p : params_)
-    if (!p.used) warnings.add(p.location, std::string(owner) + " has no parameter \"" + p.name + "\": ignored");
+    if (!p.used)
+      warnings.add(p.location,
+                   std::string(owner) + " has no parameter \"" + p.name + "\": ignored");
 }
 
 }  // namespace cloudrenderer

@@ -83,7 +83,8 @@ SceneDescription Parser::parse() {
     }
     const auto handler = t.kind == Token::Kind::word ? handlers().find(t.text) : handlers().end();
     if (handler == handlers().end()) {
-      const char* what = t.kind == Token::Kind::word ? "unknown directive " : "expected a directive, found ";
+      const char* what =
+          t.kind == Token::Kind::word ? "unknown directive " : "expected a directive, found ";
       throw SceneError(location(t), what + Lexer::describe(t));
     }
     (this->*handler->second)(t);
@@ -104,7 +105,8 @@ void Parser::include(const Token& t) {
   if (std::any_of(files_.begin(), files_.end(), [&](const OpenFile& f) { return f.path == same; }))
     throw SceneError(where, "'" + path + "' includes itself");
   if (files_.size() >= kDeepestInclude)
-    throw SceneError(where, "more than " + std::to_string(kDeepestInclude) + " files include each other");
+    throw SceneError(where,
+                     "more than " + std::to_string(kDeepestInclude) + " files include each other");
   open_file(path, where);
 }
 
@@ -125,13 +127,16 @@ void Parser::world_end(const Token& t) {
     warnings_.add(location(t), "ObjectEnd is missing");
     close_object();
   }
-  if (!saved_states_.empty()) warnings_.add(location(t), "AttributeEnd is missing");
-  else if (!saved_transforms_.empty()) warnings_.add(location(t), "TransformEnd is missing");
+  if (!saved_states_.empty())
+    warnings_.add(location(t), "AttributeEnd is missing");
+  else if (!saved_transforms_.empty())
+    warnings_.add(location(t), "TransformEnd is missing");
   block_ = Block::done;
   // pbrt renders here and may go on with another world.
   try {
     if (files_.size() == 1 && lexer().peek().kind != Token::Kind::end)
-      warnings_.add(location(lexer().peek()), "only the first world of a file is rendered: the rest is ignored");
+      warnings_.add(location(lexer().peek()),
+                    "only the first world of a file is rendered: the rest is ignored");
   } catch (const SceneError& e) {
     warnings_.add({}, e.what());
   }
@@ -139,7 +144,8 @@ void Parser::world_end(const Token& t) {
 
 void Parser::attribute_begin(const Token& t) {
   if (!in_world(t)) return;
-  if (saved_transforms_.size() >= kDeepestNesting) throw SceneError(location(t), "blocks are nested too deep");
+  if (saved_transforms_.size() >= kDeepestNesting)
+    throw SceneError(location(t), "blocks are nested too deep");
   saved_states_.push_back(state_);
   saved_transforms_.push_back({ctm_, transforms_active_});
 }
@@ -157,13 +163,15 @@ void Parser::attribute_end(const Token& t) {
 
 void Parser::transform_begin(const Token& t) {
   if (!in_world(t)) return;
-  if (saved_transforms_.size() >= kDeepestNesting) throw SceneError(location(t), "blocks are nested too deep");
+  if (saved_transforms_.size() >= kDeepestNesting)
+    throw SceneError(location(t), "blocks are nested too deep");
   saved_transforms_.push_back({ctm_, transforms_active_});
 }
 
 void Parser::transform_end(const Token& t) {
   if (!in_world(t)) return;
-  if (saved_transforms_.empty()) throw SceneError(location(t), "TransformEnd without TransformBegin");
+  if (saved_transforms_.empty())
+    throw SceneError(location(t), "TransformEnd without TransformBegin");
   ctm_ = saved_transforms_.back().ctm;
   transforms_active_ = saved_transforms_.back().transforms_active;
   saved_transforms_.pop_back();
@@ -208,18 +216,21 @@ void Parser::object_instance(const Token& t) {
   const std::string name = read_string("the name of an object");
   if (!in_world(t)) return;
   if (open_object_) {
-    builder_.warn_once(instance.location, "ObjectInstance inside of an object, which pbrt does not allow: ignored");
+    builder_.warn_once(instance.location,
+                       "ObjectInstance inside of an object, which pbrt does not allow: ignored");
     return;
   }
   const auto found = objects_.find(name);
   if (found == objects_.end()) {
-    builder_.warn_once(instance.location, "there is no object \"" + name + "\": its instances are ignored");
+    builder_.warn_once(instance.location,
+                       "there is no object \"" + name + "\": its instances are ignored");
     return;
   }
   instance.object = found->second;
   instance.instance_to_world = to_transform(ctm_);
   if (!instance.instance_to_world.is_invertible()) {
-    builder_.warn_once(instance.location, "the transformation of the instance cannot be inverted: ignored");
+    builder_.warn_once(instance.location,
+                       "the transformation of the instance cannot be inverted: ignored");
     return;
   }
   sink_.instance(instance, builder_.scene());
@@ -242,7 +253,8 @@ std::string Parser::read_string(const char* what) {
   const bool bracketed = t.kind == Token::Kind::open;
   if (bracketed) t = lexer().next();
   if (t.kind != Token::Kind::string)
-    throw SceneError(location(t), std::string("expected ") + what + " in quotes, found " + Lexer::describe(t));
+    throw SceneError(location(t),
+                     std::string("expected ") + what + " in quotes, found " + Lexer::describe(t));
   if (bracketed)
     if (const Token close = lexer().next(); close.kind != Token::Kind::close)
       throw SceneError(location(close), "expected ']', found " + Lexer::describe(close));

@@ -13,8 +13,8 @@
 
 namespace cloudrenderer {
 
-// Reads the directives of a scene file and its includes in order, keeps the graphics state, and hands on what they
-// describe: geometry to the sink, everything else to the SceneBuilder. One use.
+// Reads the directives of a scene file and its includes in order, keeps the graphics state, and
+// hands on what they describe: geometry to the sink, everything else to the SceneBuilder. One use.
 class Parser {
  public:
   Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings);
@@ -81,7 +81,8 @@ class Parser {
   DMat4 read_matrix(const Token& directive);
   Entity read_entity(const Token& directive, bool reads_files = true);
   Entity read_option(const Token& directive, bool reads_files);
-  // Whether the directive is where pbrt wants it: inside or outside of the world; else warns, and it is ignored.
+  // Whether the directive is where pbrt wants it: inside or outside of the world; else warns, and
+  // it is ignored.
   bool in_world(const Token& t);
   bool in_options(const Token& t);
 

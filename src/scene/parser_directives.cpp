@@ -80,7 +80,8 @@ void Parser::make_named_material(const Token& t) {
   Entity e = read_entity(t);  // the "type" read here is the name
   if (!in_world(t)) return;
   const std::string name = e.type;
-  if (!e.params.has("type")) warnings_.add(e.location, "MakeNamedMaterial without \"string type\": matte is used");
+  if (!e.params.has("type"))
+    warnings_.add(e.location, "MakeNamedMaterial without \"string type\": matte is used");
   e.type = e.params.string("type", "matte");
   ParamSet others;
   for (const Param& p : e.params.all())
@@ -109,7 +110,8 @@ void Parser::texture(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
   if (type != "float" && type != "spectrum" && type != "color")
-    throw SceneError(location(kind), "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"");
+    throw SceneError(location(kind),
+                     "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"");
   builder_.add_texture(state_, name, type == "float", std::move(e), ctm_);
 }
 
@@ -119,7 +121,8 @@ void Parser::shape(const Token& t) {
   if (!in_world(t)) return;
   shape.object_to_world = to_transform(ctm_);
   if (!shape.object_to_world.is_invertible()) {
-    builder_.warn_once(shape.location, "the transformation of the shape cannot be inverted: ignored");
+    builder_.warn_once(shape.location,
+                       "the transformation of the shape cannot be inverted: ignored");
     return;
   }
   shape.reverse_orientation = state_.reverse_orientation;

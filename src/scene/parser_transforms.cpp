@@ -23,7 +23,8 @@ void Parser::apply(const Token& t, const DMat4& m, bool replaces) {
 double Parser::read_number(const Token& directive) {
   const Token t = lexer().next();
   if (t.kind != Token::Kind::number)
-    throw SceneError(location(t), std::string(directive.text) + ": expected a number, found " + Lexer::describe(t));
+    throw SceneError(location(t), std::string(directive.text) + ": expected a number, found " +
+                                      Lexer::describe(t));
   return lexer().to_double(t);
 }
 
@@ -41,8 +42,9 @@ DMat4 Parser::read_matrix(const Token& directive) {
     for (int r = 0; r < 4; ++r) m[c][r] = read_number(directive);
   if (bracketed)
     if (const Token close = lexer().next(); close.kind != Token::Kind::close)
-      throw SceneError(location(close),
-                       std::string(directive.text) + ": expected ']' after 16 numbers, found " + Lexer::describe(close));
+      throw SceneError(location(close), std::string(directive.text) +
+                                            ": expected ']' after 16 numbers, found " +
+                                            Lexer::describe(close));
   return m;
 }
 
@@ -51,8 +53,10 @@ void Parser::identity(const Token& t) { apply(t, DMat4(1.0), true); }
 void Parser::look_at_directive(const Token& t) {
   const DVec3 eye = read_vector(t), look = read_vector(t), up = read_vector(t);
   const auto m = look_at(eye, look, up);
-  if (!m) warnings_.add(location(t), "LookAt has no direction, or it points along up: ignored");
-  else apply(t, *m, false);
+  if (!m)
+    warnings_.add(location(t), "LookAt has no direction, or it points along up: ignored");
+  else
+    apply(t, *m, false);
 }
 
 void Parser::scale_directive(const Token& t) { apply(t, scale(read_vector(t)), false); }
@@ -61,8 +65,10 @@ void Parser::rotate_directive(const Token& t) {
   const double degrees = read_number(t);
   const DVec3 axis = read_vector(t);
   const auto m = rotate(degrees, axis);
-  if (!m) warnings_.add(location(t), "Rotate has no axis: ignored");
-  else apply(t, *m, false);
+  if (!m)
+    warnings_.add(location(t), "Rotate has no axis: ignored");
+  else
+    apply(t, *m, false);
 }
 
 void Parser::translate_directive(const Token& t) { apply(t, translate(read_vector(t)), false); }
@@ -86,10 +92,12 @@ void Parser::coord_sys_transform(const Token& t) {
 void Parser::active_transform(const Token& t) {
   const Token time = lexer().next();
   if (time.text != "StartTime" && time.text != "EndTime" && time.text != "All")
-    throw SceneError(location(time), "expected StartTime, EndTime or All, found " + Lexer::describe(time));
+    throw SceneError(location(time),
+                     "expected StartTime, EndTime or All, found " + Lexer::describe(time));
   transforms_active_ = time.text != "EndTime";
   if (!transforms_active_)
-    builder_.warn_once(location(t), "moving objects are not supported: they stand where they start");
+    builder_.warn_once(location(t),
+                       "moving objects are not supported: they stand where they start");
 }
 
 void Parser::transform_times(const Token& t) {

@@ -15,16 +15,21 @@ namespace cloudrenderer {
 
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "part files and PLY data are read in place");
+static_assert(std::endian::native == std::endian::little,
+              "part files and PLY data are read in place");
 
 // The numbers of an ASCII file, one after the other.
 class AsciiBody {
  public:
   AsciiBody(const SourceText& text, const PlyHeader& header)
-      : text_(text), p_(text.view().data() + header.bytes), end_(text.view().data() + text.view().size()),
+      : text_(text),
+        p_(text.view().data() + header.bytes),
+        end_(text.view().data() + text.view().size()),
         line_(header.lines + 1) {}
 
-  [[noreturn]] void fail(const std::string& why) const { throw SceneError({text_.name(), line_, 1}, why); }
+  [[noreturn]] void fail(const std::string& why) const {
+    throw SceneError({text_.name(), line_, 1}, why);
+  }
 
   float real(PlyType) {
     skip_blanks();
@@ -55,7 +60,8 @@ class AsciiBody {
  private:
   std::uint64_t left() const { return static_cast<std::uint64_t>(end_ - p_); }
   void skip_blanks() {
-    for (; p_ != end_ && (*p_ == ' ' || *p_ == '\n' || *p_ == '\t' || *p_ == '\r'); ++p_) line_ += *p_ == '\n';
+    for (; p_ != end_ && (*p_ == ' ' || *p_ == '\n' || *p_ == '\t' || *p_ == '\r'); ++p_)
+      line_ += *p_ == '\n';
     if (p_ == end_) fail("the PLY file ends too early");
   }
   void check_end() const {
@@ -75,27 +81,40 @@ template <bool kSwap>
 class BinaryBody {
  public:
   BinaryBody(const SourceText& text, const PlyHeader& header)
-      : text_(text), begin_(text.view().data()), p_(begin_ + header.bytes), end_(begin_ + text.view().size()) {}
+      : text_(text),
+        begin_(text.view().data()),
+        p_(begin_ + header.bytes),
+        end_(begin_ + text.view().size()) {}
 
   [[noreturn]] void fail(const std::string& why) const {
     throw SceneError({text_.name(), 0, 0}, why + " (at byte " + std::to_string(p_ - begin_) + ")");
   }
   float real(PlyType type) {
     switch (type) {
-      case PlyType::float32: return take<float>();
-      case PlyType::float64: return static_cast<float>(take<double>());
-      default: return static_cast<float>(integer(type));
+      case PlyType::float32:
+        return take<float>();
+      case PlyType::float64:
+        return static_cast<float>(take<double>());
+      default:
+        return static_cast<float>(integer(type));
     }
   }
   std::int64_t integer(PlyType type) {
     switch (type) {
-      case PlyType::int8: return take<std::int8_t>();
-      case PlyType::uint8: return take<std::uint8_t>();
-      case PlyType::int16: return take<std::int16_t>();
-      case PlyType::uint16: return take<std::uint16_t>();
-      case PlyType::int32: return take<std::int32_t>();
-      case PlyType::uint32: return take<std::uint32_t>();
-      default: fail("a whole number must not have a floating-point type");
+      case PlyType::int8:
+        return take<std::int8_t>();
+      case PlyType::uint8:
+        return take<std::uint8_t>();
+      case PlyType::int16:
+        return take<std::int16_t>();
+      case PlyType::uint16:
+        return take<std::uint16_t>();
+      case PlyType::int32:
+        return take<std::int32_t>();
+      case PlyType::uint32:
+        return take<std::uint32_t>();
+      default:
+        fail("a whole number must not have a floating-point type");
     }
   }
   void skip(PlyType type, std::uint64_t n) { p_ += n * size_of(type); }  // after can_hold_list
@@ -129,10 +148,20 @@ std::size_t slot_of(const std::string& name) {
     std::string_view name;
     std::size_t slot;
   };
-  static constexpr auto kRows = std::to_array<Row>({{"x", 0}, {"y", 1}, {"z", 2}, {"nx", 3}, {"ny", 4}, {"nz", 5},
-                                                    {"u", 6}, {"v", 7}, {"s", 6}, {"t", 7},
-                                                    {"texture_u", 6}, {"texture_v", 7},
-                                                    {"texture_s", 6}, {"texture_t", 7}});
+  static constexpr auto kRows = std::to_array<Row>({{"x", 0},
+                                                    {"y", 1},
+                                                    {"z", 2},
+                                                    {"nx", 3},
+                                                    {"ny", 4},
+                                                    {"nz", 5},
+                                                    {"u", 6},
+                                                    {"v", 7},
+                                                    {"s", 6},
+                                                    {"t", 7},
+                                                    {"texture_u", 6},
+                                                    {"texture_v", 7},
+                                                    {"texture_s", 6},
+                                                    {"texture_t", 7}});
   for (const Row& row : kRows)
     if (row.name == name) return row.slot;
   return kNowhere;
@@ -141,7 +170,8 @@ std::size_t slot_of(const std::string& name) {
 template <class Body>
 class BodyReader {
  public:
-  BodyReader(const SourceText& text, const PlyHeader& header) : header_(header), body_(text, header) {}
+  BodyReader(const SourceText& text, const PlyHeader& header)
+      : header_(header), body_(text, header) {}
 
   PlyMesh read() {
     bool has_vertices = false, has_faces = false;
@@ -149,7 +179,8 @@ class BodyReader {
       std::size_t bytes = 0;
       for (const PlyProperty& p : e.properties) bytes += size_of(p.is_list ? p.count_type : p.type);
       if (!body_.can_hold(e.count, e.properties.size(), bytes))
-        body_.fail("the PLY file is too short for " + std::to_string(e.count) + " elements \"" + e.name + "\"");
+        body_.fail("the PLY file is too short for " + std::to_string(e.count) + " elements \"" +
+                   e.name + "\"");
       if (e.name == "vertex" && !has_vertices) {
         has_vertices = true;
         read_vertices(e);
@@ -162,7 +193,8 @@ class BodyReader {
       }
     }
     if (!has_vertices || !has_faces)
-      body_.fail(std::string("the PLY file has no element \"") + (has_vertices ? "face" : "vertex") + "\"");
+      body_.fail(std::string("the PLY file has no element \"") +
+                 (has_vertices ? "face" : "vertex") + "\"");
     PlyMesh mesh;
     mesh.positions = positions_.finish();
     if (has_normals_) mesh.normals = normals_.finish();
@@ -177,8 +209,10 @@ class BodyReader {
 
  private:
   void skip(const PlyProperty& p) {
-    if (p.is_list) body_.skip(p.type, list_length(p));
-    else body_.real(p.type);
+    if (p.is_list)
+      body_.skip(p.type, list_length(p));
+    else
+      body_.real(p.type);
   }
 
   std::uint64_t list_length(const PlyProperty& p) {
@@ -196,20 +230,25 @@ class BodyReader {
       slots.push_back(p.is_list ? kNowhere : slot_of(p.name));
       given[slots.back()] = true;
     }
-    if (!given[0] || !given[1] || !given[2]) body_.fail("the vertices of the PLY file have no x, y, z");
+    if (!given[0] || !given[1] || !given[2])
+      body_.fail("the vertices of the PLY file have no x, y, z");
     has_normals_ = given[3] && given[4] && given[5];
     has_uvs_ = given[6] && given[7];
     for (std::uint64_t i = 0; i < e.count; ++i) {
       std::array<float, kNowhere + 1> v{};
       for (std::size_t j = 0; j < slots.size(); ++j) {
-        if (slots[j] == kNowhere) skip(e.properties[j]);
-        else v[slots[j]] = body_.real(e.properties[j].type);
+        if (slots[j] == kNowhere)
+          skip(e.properties[j]);
+        else
+          v[slots[j]] = body_.real(e.properties[j].type);
       }
       const Vec3 p{v[0], v[1], v[2]}, n{v[3], v[4], v[5]};
-      if (!is_finite(p)) body_.fail("vertex " + std::to_string(i) + " of the PLY file is not finite");
+      if (!is_finite(p))
+        body_.fail("vertex " + std::to_string(i) + " of the PLY file is not finite");
       positions_.push_back(p);
       if (has_normals_) normals_.push_back(is_finite(n) ? n : Vec3(0.f));
-      if (has_uvs_) uvs_.push_back({std::isfinite(v[6]) ? v[6] : 0.f, std::isfinite(v[7]) ? v[7] : 0.f});
+      if (has_uvs_)
+        uvs_.push_back({std::isfinite(v[6]) ? v[6] : 0.f, std::isfinite(v[7]) ? v[7] : 0.f});
     }
   }
 
@@ -232,7 +271,8 @@ class BodyReader {
         for (std::uint64_t i = 0; i < n; ++i) {
           const std::int64_t index = body_.integer(p.type);
           if (index < 0 || index > 0xffffffff)
-            body_.fail("face " + std::to_string(face) + " has the vertex number " + std::to_string(index));
+            body_.fail("face " + std::to_string(face) + " has the vertex number " +
+                       std::to_string(index));
           corners.push_back(static_cast<std::uint32_t>(index));
         }
       }
@@ -261,9 +301,12 @@ PlyMesh read_ply(const std::string& path, const FileLocation& location) {
   if (!text) throw SceneError(location, text.error());
   const PlyHeader header = read_ply_header(**text);
   switch (header.format) {
-    case PlyFormat::ascii: return BodyReader<AsciiBody>(**text, header).read();
-    case PlyFormat::little_endian: return BodyReader<BinaryBody<false>>(**text, header).read();
-    default: return BodyReader<BinaryBody<true>>(**text, header).read();
+    case PlyFormat::ascii:
+      return BodyReader<AsciiBody>(**text, header).read();
+    case PlyFormat::little_endian:
+      return BodyReader<BinaryBody<false>>(**text, header).read();
+    default:
+      return BodyReader<BinaryBody<true>>(**text, header).read();
   }
 }
 

@@ -12,14 +12,22 @@ struct TypeName {
   std::string_view name;
   PlyType type;
 };
-constexpr auto kTypeNames = std::to_array<TypeName>({{"char", PlyType::int8},      {"int8", PlyType::int8},
-                                                     {"uchar", PlyType::uint8},    {"uint8", PlyType::uint8},
-                                                     {"short", PlyType::int16},    {"int16", PlyType::int16},
-                                                     {"ushort", PlyType::uint16},  {"uint16", PlyType::uint16},
-                                                     {"int", PlyType::int32},      {"int32", PlyType::int32},
-                                                     {"uint", PlyType::uint32},    {"uint32", PlyType::uint32},
-                                                     {"float", PlyType::float32},  {"float32", PlyType::float32},
-                                                     {"double", PlyType::float64}, {"float64", PlyType::float64}});
+constexpr auto kTypeNames = std::to_array<TypeName>({{"char", PlyType::int8},
+                                                     {"int8", PlyType::int8},
+                                                     {"uchar", PlyType::uint8},
+                                                     {"uint8", PlyType::uint8},
+                                                     {"short", PlyType::int16},
+                                                     {"int16", PlyType::int16},
+                                                     {"ushort", PlyType::uint16},
+                                                     {"uint16", PlyType::uint16},
+                                                     {"int", PlyType::int32},
+                                                     {"int32", PlyType::int32},
+                                                     {"uint", PlyType::uint32},
+                                                     {"uint32", PlyType::uint32},
+                                                     {"float", PlyType::float32},
+                                                     {"float32", PlyType::float32},
+                                                     {"double", PlyType::float64},
+                                                     {"float64", PlyType::float64}});
 
 // No file has more; bounds the work that a header can ask for.
 constexpr std::size_t kMostElements = 100, kMostProperties = 1000;
@@ -41,16 +49,21 @@ class HeaderReader {
   explicit HeaderReader(const SourceText& text) : text_(text) {}
 
   PlyHeader read() {
-    if (words_of(next_line()) != std::vector<std::string_view>{"ply"}) fail("a PLY file must begin with \"ply\"");
+    if (words_of(next_line()) != std::vector<std::string_view>{"ply"})
+      fail("a PLY file must begin with \"ply\"");
     bool has_format = false;
     while (true) {
       const auto words = words_of(next_line());
       if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
       if (words[0] == "end_header") break;
-      if (words[0] == "format") read_format(words), has_format = true;
-      else if (words[0] == "element") read_element(words);
-      else if (words[0] == "property") read_property(words);
-      else fail("unknown line \"" + std::string(words[0].substr(0, 40)) + "\" in the PLY header");
+      if (words[0] == "format")
+        read_format(words), has_format = true;
+      else if (words[0] == "element")
+        read_element(words);
+      else if (words[0] == "property")
+        read_property(words);
+      else
+        fail("unknown line \"" + std::string(words[0].substr(0, 40)) + "\" in the PLY header");
     }
     if (!has_format) fail("the PLY header does not give a format");
     header_.bytes = position_;
@@ -59,7 +72,9 @@ class HeaderReader {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& why) const { throw SceneError({text_.name(), line_, 1}, why); }
+  [[noreturn]] void fail(const std::string& why) const {
+    throw SceneError({text_.name(), line_, 1}, why);
+  }
 
   std::string_view next_line() {
     const std::string_view rest = text_.view().substr(position_);
@@ -79,7 +94,8 @@ class HeaderReader {
   void read_format(const std::vector<std::string_view>& words) {
     if (words.size() == 3 && words[2] == "1.0") {
       if (words[1] == "ascii") return void(header_.format = PlyFormat::ascii);
-      if (words[1] == "binary_little_endian") return void(header_.format = PlyFormat::little_endian);
+      if (words[1] == "binary_little_endian")
+        return void(header_.format = PlyFormat::little_endian);
       if (words[1] == "binary_big_endian") return void(header_.format = PlyFormat::big_endian);
     }
     fail("the PLY format must be ascii, binary_little_endian or binary_big_endian, and 1.0");
@@ -88,7 +104,8 @@ class HeaderReader {
   void read_element(const std::vector<std::string_view>& words) {
     PlyElement e;
     if (words.size() != 3) fail("expected \"element name count\"");
-    const auto [stop, error] = std::from_chars(words[2].data(), words[2].data() + words[2].size(), e.count);
+    const auto [stop, error] =
+        std::from_chars(words[2].data(), words[2].data() + words[2].size(), e.count);
     if (error != std::errc{} || stop != words[2].data() + words[2].size())
       fail("\"" + std::string(words[2].substr(0, 40)) + "\" is no count of elements");
     if (header_.elements.size() == kMostElements) fail("too many elements in the PLY header");

@@ -15,11 +15,15 @@ enum class PlyType : std::uint8_t { int8, uint8, int16, uint16, int32, uint32, f
 constexpr std::size_t size_of(PlyType t) {
   switch (t) {
     case PlyType::int8:
-    case PlyType::uint8: return 1;
+    case PlyType::uint8:
+      return 1;
     case PlyType::int16:
-    case PlyType::uint16: return 2;
-    case PlyType::float64: return 8;
-    default: return 4;
+    case PlyType::uint16:
+      return 2;
+    case PlyType::float64:
+      return 8;
+    default:
+      return 4;
   }
 }
 

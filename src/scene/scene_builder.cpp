@@ -14,21 +14,59 @@ bool contains(std::span<const std::string_view> words, std::string_view word) {
 
 // Every material that pbrt-v2 or pbrt-v3 knows.
 constexpr auto kMaterials = std::to_array<std::string_view>(
-    {"matte", "plastic", "glass", "uber", "metal", "mirror", "substrate", "translucent", "mix", "none", "", "fourier",
-     "measured", "shinymetal", "kdsubsurface", "subsurface", "disney", "hair"});
+    {"matte", "plastic", "glass", "uber", "metal", "mirror", "substrate", "translucent", "mix",
+     "none", "", "fourier", "measured", "shinymetal", "kdsubsurface", "subsurface", "disney",
+     "hair"});
 
-// Parameters that materials have and a shape may override. "filename" and "alpha" mean other things on shapes.
-constexpr auto kMaterialParams = std::to_array<std::string_view>(
-    {"Kd", "Ks", "Kr", "Kt", "sigma", "roughness", "uroughness", "vroughness", "remaproughness", "bumpmap", "index",
-     "eta", "k", "opacity", "reflect", "transmit", "amount", "bsdffile", "sigma_a", "sigma_s", "sigma_prime_s", "g",
-     "meanfreepath", "mfp", "color", "metallic", "speculartint", "anisotropic", "sheen", "sheentint", "clearcoat",
-     "clearcoatgloss", "spectrans", "scatterdistance", "thin", "flatness", "difftrans", "eumelanin", "pheomelanin",
-     "beta_m", "beta_n"});
+// Parameters that materials have and a shape may override. "filename" and "alpha" mean other things
+// on shapes.
+constexpr auto kMaterialParams = std::to_array<std::string_view>({"Kd",
+                                                                  "Ks",
+                                                                  "Kr",
+                                                                  "Kt",
+                                                                  "sigma",
+                                                                  "roughness",
+                                                                  "uroughness",
+                                                                  "vroughness",
+                                                                  "remaproughness",
+                                                                  "bumpmap",
+                                                                  "index",
+                                                                  "eta",
+                                                                  "k",
+                                                                  "opacity",
+                                                                  "reflect",
+                                                                  "transmit",
+                                                                  "amount",
+                                                                  "bsdffile",
+                                                                  "sigma_a",
+                                                                  "sigma_s",
+                                                                  "sigma_prime_s",
+                                                                  "g",
+                                                                  "meanfreepath",
+                                                                  "mfp",
+                                                                  "color",
+                                                                  "metallic",
+                                                                  "speculartint",
+                                                                  "anisotropic",
+                                                                  "sheen",
+                                                                  "sheentint",
+                                                                  "clearcoat",
+                                                                  "clearcoatgloss",
+                                                                  "spectrans",
+                                                                  "scatterdistance",
+                                                                  "thin",
+                                                                  "flatness",
+                                                                  "difftrans",
+                                                                  "eumelanin",
+                                                                  "pheomelanin",
+                                                                  "beta_m",
+                                                                  "beta_n"});
 
 // Parameters that want a float texture where a float and a spectrum texture have the same name.
 constexpr auto kFloatTextureParams = std::to_array<std::string_view>(
-    {"roughness", "uroughness", "vroughness", "sigma", "bumpmap", "index", "alpha", "shadowalpha", "displacement", "g",
-     "metallic", "anisotropic", "sheen", "clearcoat", "speculartint", "sheentint", "clearcoatgloss", "spectrans"});
+    {"roughness", "uroughness", "vroughness", "sigma", "bumpmap", "index", "alpha", "shadowalpha",
+     "displacement", "g", "metallic", "anisotropic", "sheen", "clearcoat", "speculartint",
+     "sheentint", "clearcoatgloss", "spectrans"});
 
 void append_bytes(std::string& key, const void* data, std::size_t bytes) {
   const auto n = static_cast<std::uint64_t>(bytes);
@@ -63,7 +101,8 @@ Entity entity_of(std::string type) {
 
 }  // namespace
 
-SceneBuilder::SceneBuilder(Dialect dialect, std::string source, Warnings& warnings) : warnings_(warnings) {
+SceneBuilder::SceneBuilder(Dialect dialect, std::string source, Warnings& warnings)
+    : warnings_(warnings) {
   const bool v2 = dialect == Dialect::v2;
   scene_.dialect = dialect;
   scene_.source = std::move(source);
@@ -92,17 +131,19 @@ ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity
     }
     Param p = given;
     if (p.strings.size() != 1)
-      throw SceneError(p.location, "the texture parameter \"" + p.name + "\" must name one texture");
+      throw SceneError(p.location,
+                       "the texture parameter \"" + p.name + "\" must name one texture");
     const std::string* as_float = state.float_textures.find(p.strings[0]);
     const std::string* as_spectrum = state.spectrum_textures.find(p.strings[0]);
     // "amount" of a mix texture is always a float; "eta" is a spectrum for metal only.
     const bool wants_float = is_float ? *is_float || p.name == "amount"
                                       : contains(kFloatTextureParams, p.name) ||
                                             (p.name == "eta" && entity.type != "metal");
-    const std::string* found = wants_float ? (as_float ? as_float : as_spectrum) : (as_spectrum ? as_spectrum : as_float);
+    const std::string* found =
+        wants_float ? (as_float ? as_float : as_spectrum) : (as_spectrum ? as_spectrum : as_float);
     if (!found) {
-      warn_once(p.location, "there is no texture \"" + p.strings[0] + "\": the parameter \"" + p.name +
-                                "\" is ignored");
+      warn_once(p.location, "there is no texture \"" + p.strings[0] + "\": the parameter \"" +
+                                p.name + "\" is ignored");
       continue;
     }
     p.strings[0] = *found;
@@ -111,8 +152,8 @@ ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity
   return out;
 }
 
-void SceneBuilder::add_texture(GraphicsState& state, const std::string& name, bool is_float, Entity entity,
-                               const DMat4& ctm) {
+void SceneBuilder::add_texture(GraphicsState& state, const std::string& name, bool is_float,
+                               Entity entity, const DMat4& ctm) {
   TextureDesc texture;
   entity.params = resolve_textures(state, entity, is_float);
   static_cast<Entity&>(texture) = std::move(entity);
@@ -135,11 +176,13 @@ void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DM
   scene_.lights.push_back(std::move(light));
 }
 
-std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState& state, Entity entity,
-                                                            const DMat4& ctm, bool is_named) {
+std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState& state,
+                                                            Entity entity, const DMat4& ctm,
+                                                            bool is_named) {
   auto source = std::make_shared<MaterialSource>();
   if (!contains(kMaterials, entity.type)) {
-    warnings_.add(entity.location, "the material \"" + entity.type + "\" is unknown: matte is used");
+    warnings_.add(entity.location,
+                  "the material \"" + entity.type + "\" is unknown: matte is used");
     entity.type = "matte";
   }
   if (entity.type.empty()) entity.type = "none";
@@ -148,8 +191,8 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
       const std::string mixed = entity.params.string(name, "");
       const auto* found = state.named_materials.find(mixed);
       if (!found)
-        warnings_.add(entity.location,
-                      "there is no material \"" + mixed + "\" for \"" + name + "\": matte is mixed");
+        warnings_.add(entity.location, "there is no material \"" + mixed + "\" for \"" + name +
+                                           "\": matte is mixed");
       const MaterialId id = intern(state, found ? **found : *default_material_, {});
       Param p;
       p.type = ParamType::string;
@@ -168,8 +211,10 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
   return source;
 }
 
-MaterialId SceneBuilder::intern(const GraphicsState& state, MaterialSource& source, const ParamSet& overrides) {
-  const bool as_it_is = overrides.empty() && (source.textures_resolved || !has_textures(source.entity.params));
+MaterialId SceneBuilder::intern(const GraphicsState& state, MaterialSource& source,
+                                const ParamSet& overrides) {
+  const bool as_it_is =
+      overrides.empty() && (source.textures_resolved || !has_textures(source.entity.params));
   if (as_it_is && source.id) return source.id;
 
   MaterialDesc material;
@@ -177,8 +222,9 @@ MaterialId SceneBuilder::intern(const GraphicsState& state, MaterialSource& sour
   material.object_to_world = source.object_to_world;
   for (const Param& p : overrides.all()) material.params.add(p);
   if (!source.textures_resolved) material.params = resolve_textures(state, material, std::nullopt);
-  const auto [it, is_new] = material_ids_.try_emplace(material_key(material.type, material.params),
-                                                      MaterialId(static_cast<std::uint32_t>(scene_.materials.size())));
+  const auto [it, is_new] =
+      material_ids_.try_emplace(material_key(material.type, material.params),
+                                MaterialId(static_cast<std::uint32_t>(scene_.materials.size())));
   if (is_new) {
     for (const Param& p : material.params.all()) p.used = false;
     scene_.materials.push_back(std::move(material));
@@ -195,7 +241,8 @@ MaterialId SceneBuilder::material_of(const GraphicsState& state, const ShapeDesc
       source = found->get();
       named = true;
     } else {
-      warn_once(shape.location, "there is no material \"" + state.material_name + "\": the one before it is used");
+      warn_once(shape.location,
+                "there is no material \"" + state.material_name + "\": the one before it is used");
     }
   }
   // In v2 a named material is made where it is named, out of reach of the shape's parameters.
@@ -215,7 +262,8 @@ MaterialId SceneBuilder::material_of(const GraphicsState& state, const ShapeDesc
 }
 
 void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
-  // v2 looks the material's textures up in this scope together with the shape's, so they keep their names till then.
+  // v2 looks the material's textures up in this scope together with the shape's, so they keep their
+  // names till then.
   if (scene_.dialect == Dialect::v3) shape.params = resolve_textures(state, shape, std::nullopt);
   shape.material = material_of(state, shape);
   if (scene_.dialect == Dialect::v2) shape.params = resolve_textures(state, shape, std::nullopt);

@@ -10,21 +10,26 @@
 
 namespace cloudrenderer {
 
-// Turns directives into entries of a SceneDescription: gives textures unique names, materials and area lights numbers.
+// Turns directives into entries of a SceneDescription: gives textures unique names, materials and
+// area lights numbers.
 class SceneBuilder {
  public:
   SceneBuilder(Dialect dialect, std::string source, Warnings& warnings);
 
   SceneDescription& scene() { return scene_; }
 
-  void add_texture(GraphicsState& state, const std::string& name, bool is_float, Entity entity, const DMat4& ctm);
+  void add_texture(GraphicsState& state, const std::string& name, bool is_float, Entity entity,
+                   const DMat4& ctm);
   void add_light(const GraphicsState& state, Entity entity, const DMat4& ctm);
-  std::shared_ptr<MaterialSource> make_material(const GraphicsState& state, Entity entity, const DMat4& ctm,
-                                                bool is_named);
-  // Fills material and area_light of a shape from the state, and gives its texture parameters their unique names.
+  std::shared_ptr<MaterialSource> make_material(const GraphicsState& state, Entity entity,
+                                                const DMat4& ctm, bool is_named);
+  // Fills material and area_light of a shape from the state, and gives its texture parameters their
+  // unique names.
   void finish_shape(const GraphicsState& state, ShapeDesc& shape);
-  // A texture-valued parameter gets the unique name of what it names in this scope; an unknown one is dropped.
-  ParamSet resolve_textures(const GraphicsState& state, const Entity& entity, std::optional<bool> is_float);
+  // A texture-valued parameter gets the unique name of what it names in this scope; an unknown one
+  // is dropped.
+  ParamSet resolve_textures(const GraphicsState& state, const Entity& entity,
+                            std::optional<bool> is_float);
 
   // A warning that is not repeated for every place where it applies.
   void warn_once(const FileLocation& where, const std::string& message);
@@ -36,9 +41,9 @@ class SceneBuilder {
   SceneDescription scene_;
   Warnings& warnings_;
   std::set<std::string> warned_;
-  std::set<std::string> texture_names_;                          // that are taken
-  std::unordered_map<std::string, unsigned> texture_counters_;   // redefinitions of a name so far
-  std::unordered_map<std::string, MaterialId> material_ids_;     // by all that distinguishes materials
+  std::set<std::string> texture_names_;                         // that are taken
+  std::unordered_map<std::string, unsigned> texture_counters_;  // redefinitions of a name so far
+  std::unordered_map<std::string, MaterialId> material_ids_;  // by all that distinguishes materials
   std::shared_ptr<MaterialSource> default_material_;
 };
 

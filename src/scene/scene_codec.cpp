@@ -17,8 +17,8 @@ namespace cloudrenderer {
 namespace {
 
 // Beyond every scene; they bound what a foreign message can make a host hold and do.
-constexpr int kMostParams = 1000;          // of a directive: ParamReader's limit, and its few additions
-constexpr int kMostEntries = 1 << 24;      // textures, materials, ...
+constexpr int kMostParams = 1000;      // of a directive: ParamReader's limit, and its few additions
+constexpr int kMostEntries = 1 << 24;  // textures, materials, ...
 constexpr int kMostFiles = 1 << 20;
 constexpr std::size_t kLongestString = std::size_t{1} << 20;
 
@@ -28,7 +28,8 @@ class Encoder {
 
   void location(const FileLocation& in, proto::SceneLocation* out) {
     if (in.file) {
-      const auto [it, is_new] = files_.try_emplace(*in.file, static_cast<std::uint32_t>(files_.size() + 1));
+      const auto [it, is_new] =
+          files_.try_emplace(*in.file, static_cast<std::uint32_t>(files_.size() + 1));
       if (is_new) out_.add_files(*in.file);
       out->set_file(it->second);
     }
@@ -79,14 +80,18 @@ std::string text(const std::string& s) {
 
 std::size_t components(ParamType type) {
   switch (type) {
-    case ParamType::real: return 1;
+    case ParamType::real:
+      return 1;
     case ParamType::point2:
-    case ParamType::vector2: return 2;
+    case ParamType::vector2:
+      return 2;
     case ParamType::point3:
     case ParamType::vector3:
     case ParamType::normal3:
-    case ParamType::rgb: return 3;
-    default: return 0;
+    case ParamType::rgb:
+      return 3;
+    default:
+      return 0;
   }
 }
 
@@ -94,7 +99,8 @@ class Decoder {
  public:
   explicit Decoder(const proto::SceneDescription& in) {
     check(in.files_size() <= kMostFiles, "too many file names");
-    for (const std::string& name : in.files()) files_.push_back(std::make_shared<const std::string>(text(name)));
+    for (const std::string& name : in.files())
+      files_.push_back(std::make_shared<const std::string>(text(name)));
   }
 
   FileLocation location(const proto::SceneLocation& in) const {
@@ -108,7 +114,8 @@ class Decoder {
 
   Param param(const proto::SceneParam& in) const {
     Param p;
-    check(in.type() <= static_cast<std::uint32_t>(ParamType::texture), "a parameter of unknown type");
+    check(in.type() <= static_cast<std::uint32_t>(ParamType::texture),
+          "a parameter of unknown type");
     p.type = static_cast<ParamType>(in.type());
     p.name = text(in.name());
     const std::size_t per_value = components(p.type);
@@ -118,12 +125,16 @@ class Decoder {
           "a parameter with the wrong number of components");
     check(is_integer || in.integers_size() == 0, "integers in a parameter of another type");
     check(is_text || in.strings_size() == 0, "strings in a parameter of another type");
-    check(p.type != ParamType::texture || in.strings_size() == 1, "a texture parameter without its texture");
-    if (in.reals_size() != 0) p.reals = BulkArray<float>(std::vector<float>(in.reals().begin(), in.reals().end()));
+    check(p.type != ParamType::texture || in.strings_size() == 1,
+          "a texture parameter without its texture");
+    if (in.reals_size() != 0)
+      p.reals = BulkArray<float>(std::vector<float>(in.reals().begin(), in.reals().end()));
     if (in.integers_size() != 0)
-      p.integers = BulkArray<std::int32_t>(std::vector<std::int32_t>(in.integers().begin(), in.integers().end()));
+      p.integers = BulkArray<std::int32_t>(
+          std::vector<std::int32_t>(in.integers().begin(), in.integers().end()));
     if (p.type == ParamType::boolean)
-      for (const std::int32_t v : p.integers) check(v == 0 || v == 1, "a boolean that is neither 0 nor 1");
+      for (const std::int32_t v : p.integers)
+        check(v == 0 || v == 1, "a boolean that is neither 0 nor 1");
     for (const std::string& s : in.strings()) p.strings.push_back(text(s));
     p.location = location(in.location());
     p.used = in.used();
@@ -142,13 +153,15 @@ class Decoder {
     }
     // Textures come before what refers to them.
     for (const Param& p : e.params.all())
-      check(p.type != ParamType::texture || textures_.count(p.strings[0]), "a reference to a texture that is not there");
+      check(p.type != ParamType::texture || textures_.count(p.strings[0]),
+            "a reference to a texture that is not there");
     return e;
   }
 
   static Transform transform(const proto::SceneTransform& in) {
     if (in.matrix_size() == 0 && in.inverse_size() == 0) return {};
-    check(in.matrix_size() == 16 && in.inverse_size() == 16, "a transformation without its 16 numbers");
+    check(in.matrix_size() == 16 && in.inverse_size() == 16,
+          "a transformation without its 16 numbers");
     Mat4 m, inverse;
     for (int c = 0; c < 4; ++c)
       for (int r = 0; r < 4; ++r) {
@@ -186,10 +199,12 @@ class Decoder {
   static void check_mix(const MaterialDesc& mix, std::size_t before) {
     for (const char* name : {"namedmaterial1", "namedmaterial2"}) {
       const Param* p = mix.params.find(name);
-      check(p && p->type == ParamType::string && p->strings.size() == 1, "a mix without its materials");
+      check(p && p->type == ParamType::string && p->strings.size() == 1,
+            "a mix without its materials");
       const std::string& digits = p->strings[0];
       std::uint32_t index = 0;
-      const auto [stop, error] = std::from_chars(digits.data(), digits.data() + digits.size(), index);
+      const auto [stop, error] =
+          std::from_chars(digits.data(), digits.data() + digits.size(), index);
       check(error == std::errc{} && stop == digits.data() + digits.size() && index < before,
             "a mix of materials that do not stand before it");
     }
@@ -251,7 +266,8 @@ Result<SceneDescription> from_proto(const proto::SceneDescription& in) {
     out.integrator = d.entity(in.integrator());
     if (in.has_renderer()) out.renderer = d.entity(in.renderer());
     if (in.has_volume_integrator()) out.volume_integrator = d.entity(in.volume_integrator());
-    check(in.lights_size() <= kMostEntries && in.area_lights_size() <= kMostEntries, "too many lights");
+    check(in.lights_size() <= kMostEntries && in.area_lights_size() <= kMostEntries,
+          "too many lights");
     for (const proto::SceneLight& l : in.lights()) {
       LightDesc light;
       static_cast<Entity&>(light) = d.entity(l.entity());
@@ -282,7 +298,8 @@ Result<SceneDescription> decode_scene(std::span<const std::byte> bytes) {
   proto::SceneDescription message;
   if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) ||
       !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
-    return Result<SceneDescription>::failure("malformed scene description: no protobuf message of this kind");
+    return Result<SceneDescription>::failure(
+        "malformed scene description: no protobuf message of this kind");
   return from_proto(message);
 }
 

@@ -12,8 +12,9 @@ namespace proto {
 class SceneDescription;  // generated from scene.proto: include "scene/scene.pb.h"
 }
 
-// A scene description as protobuf message and back, without loss. Decoding trusts nothing: it fails with a reason for
-// counts beyond every scene, values that do not fit their type, and references to what is not there.
+// A scene description as protobuf message and back, without loss. Decoding trusts nothing: it fails
+// with a reason for counts beyond every scene, values that do not fit their type, and references to
+// what is not there.
 void to_proto(const SceneDescription& scene, proto::SceneDescription& out);
 Result<SceneDescription> from_proto(const proto::SceneDescription& in);
 

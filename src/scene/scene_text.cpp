@@ -12,17 +12,28 @@ namespace {
 std::string_view type_word(ParamType type, Dialect dialect) {
   const bool v2 = dialect == Dialect::v2;
   switch (type) {
-    case ParamType::boolean: return "bool";
-    case ParamType::integer: return "integer";
-    case ParamType::real: return "float";
-    case ParamType::point2: return v2 ? "float" : "point2";    // v2 has no points of two dimensions
-    case ParamType::vector2: return v2 ? "float" : "vector2";
-    case ParamType::point3: return "point";
-    case ParamType::vector3: return "vector";
-    case ParamType::normal3: return "normal";
-    case ParamType::rgb: return "rgb";
-    case ParamType::string: return "string";
-    case ParamType::texture: return "texture";
+    case ParamType::boolean:
+      return "bool";
+    case ParamType::integer:
+      return "integer";
+    case ParamType::real:
+      return "float";
+    case ParamType::point2:
+      return v2 ? "float" : "point2";  // v2 has no points of two dimensions
+    case ParamType::vector2:
+      return v2 ? "float" : "vector2";
+    case ParamType::point3:
+      return "point";
+    case ParamType::vector3:
+      return "vector";
+    case ParamType::normal3:
+      return "normal";
+    case ParamType::rgb:
+      return "rgb";
+    case ParamType::string:
+      return "string";
+    case ParamType::texture:
+      return "texture";
   }
   return "float";
 }
@@ -31,15 +42,19 @@ void write_param(std::ostream& out, const Param& p, Dialect dialect) {
   write_quoted(out, std::string(type_word(p.type, dialect)) + " " + p.name);
   out << " [";
   constexpr std::size_t kPerLine = 12;  // keeps lines of big arrays readable
-  const auto separate = [&](std::size_t i) { out << (i != 0 && i % kPerLine == 0 ? "\n    " : " "); };
+  const auto separate = [&](std::size_t i) {
+    out << (i != 0 && i % kPerLine == 0 ? "\n    " : " ");
+  };
   for (std::size_t i = 0; i < p.reals.size(); ++i) {
     separate(i);
     write_float(out, p.reals[i]);
   }
   for (std::size_t i = 0; i < p.integers.size(); ++i) {
     separate(i);
-    if (p.type == ParamType::boolean) out << (p.integers[i] ? "\"true\"" : "\"false\"");
-    else out << p.integers[i];
+    if (p.type == ParamType::boolean)
+      out << (p.integers[i] ? "\"true\"" : "\"false\"");
+    else
+      out << p.integers[i];
   }
   for (std::size_t i = 0; i < p.strings.size(); ++i) {
     separate(i);
@@ -74,9 +89,12 @@ void write_float(std::ostream& out, float v) {
 void write_quoted(std::ostream& out, std::string_view text) {
   out << '"';
   for (const char c : text) {
-    if (c == '"' || c == '\\') out << '\\' << c;
-    else if (c == '\n') out << "\\n";
-    else out << c;
+    if (c == '"' || c == '\\')
+      out << '\\' << c;
+    else if (c == '\n')
+      out << "\\n";
+    else
+      out << c;
   }
   out << '"';
 }
@@ -99,7 +117,8 @@ void write_params(std::ostream& out, const ParamSet& params, Dialect dialect) {
   }
 }
 
-void write_entity(std::ostream& out, std::string_view directive, const Entity& entity, Dialect dialect) {
+void write_entity(std::ostream& out, std::string_view directive, const Entity& entity,
+                  Dialect dialect) {
   out << directive << ' ';
   write_quoted(out, entity.type);
   out << '\n';
@@ -108,7 +127,8 @@ void write_entity(std::ostream& out, std::string_view directive, const Entity& e
 
 void write_options(std::ostream& out, const SceneDescription& scene) {
   const Dialect d = scene.dialect;
-  if (!scene.camera.world_to_camera.is_identity()) write_transform(out, scene.camera.world_to_camera);
+  if (!scene.camera.world_to_camera.is_identity())
+    write_transform(out, scene.camera.world_to_camera);
   write_entity(out, "Camera", scene.camera, d);
   write_entity(out, "Film", scene.film, d);
   write_entity(out, "Sampler", scene.sampler, d);

@@ -7,14 +7,17 @@
 
 namespace cloudrenderer {
 
-// Writes scene values as pbrt text that the given dialect reads back to the same values: floats are the shortest
-// decimals that give the same float.
+// Writes scene values as pbrt text that the given dialect reads back to the same values: floats are
+// the shortest decimals that give the same float.
 void write_float(std::ostream& out, float v);
 void write_quoted(std::ostream& out, std::string_view text);
-void write_transform(std::ostream& out, const Transform& t);  // Transform [ ... ]: replaces the current one
-void write_params(std::ostream& out, const ParamSet& params, Dialect dialect);  // each on a line of its own, indented
+void write_transform(std::ostream& out,
+                     const Transform& t);  // Transform [ ... ]: replaces the current one
+void write_params(std::ostream& out, const ParamSet& params,
+                  Dialect dialect);  // each on a line of its own, indented
 // A directive: `Shape "sphere"` and its parameters.
-void write_entity(std::ostream& out, std::string_view directive, const Entity& entity, Dialect dialect);
+void write_entity(std::ostream& out, std::string_view directive, const Entity& entity,
+                  Dialect dialect);
 
 // Everything up to WorldBegin: camera, film, sampler, filter, integrator.
 void write_options(std::ostream& out, const SceneDescription& scene);

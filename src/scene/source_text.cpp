@@ -20,7 +20,8 @@ namespace cloudrenderer {
 
 namespace {
 
-// A few kilobytes of gzip can stand for any amount of text: beyond this it is taken for an attack or an accident.
+// A few kilobytes of gzip can stand for any amount of text: beyond this it is taken for an attack
+// or an accident.
 constexpr std::uint64_t kMaxInflated = std::uint64_t{1} << 38;
 
 struct Descriptor {
@@ -83,8 +84,10 @@ std::string inflate_all(std::string_view packed, BulkWriter<char>& out) {
     out.append({buffer.data(), made});
     total += made;
     if (total > kMaxInflated) return "the gzip data unpack to more than 256 GiB";
-    if (status == Z_STREAM_END) member_done = true;
-    else if (made == 0 && z.avail_in == 0 && packed.empty()) break;
+    if (status == Z_STREAM_END)
+      member_done = true;
+    else if (made == 0 && z.avail_in == 0 && packed.empty())
+      break;
   }
   return member_done ? std::string() : "the gzip data end too early";
 }
@@ -93,7 +96,9 @@ std::string inflate_all(std::string_view packed, BulkWriter<char>& out) {
 
 Result<std::shared_ptr<const SourceText>> SourceText::open(const std::string& path) {
   using Opened = Result<std::shared_ptr<const SourceText>>;
-  const auto failure = [&](const std::string& why) { return Opened::failure("cannot read '" + path + "': " + why); };
+  const auto failure = [&](const std::string& why) {
+    return Opened::failure("cannot read '" + path + "': " + why);
+  };
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.fd < 0) return failure(std::generic_category().message(errno));
   struct stat info {};
@@ -113,7 +118,8 @@ Result<std::shared_ptr<const SourceText>> SourceText::open(const std::string& pa
   if (text->view_.starts_with("\x1f\x8b")) {
     try {
       BulkWriter<char> inflated;
-      if (const std::string why = inflate_all(text->view_, inflated); !why.empty()) return failure(why);
+      if (const std::string why = inflate_all(text->view_, inflated); !why.empty())
+        return failure(why);
       auto array = std::make_shared<const BulkArray<char>>(inflated.finish());
       text->view_ = {array->view().data(), array->size()};
       text->owner_ = std::move(array);

@@ -7,8 +7,8 @@
 
 namespace cloudrenderer {
 
-// The text of a file, mapped into memory. A gzipped file is inflated through a temporary file, so that neither needs
-// anonymous memory in proportion to its size. Immutable.
+// The text of a file, mapped into memory. A gzipped file is inflated through a temporary file, so
+// that neither needs anonymous memory in proportion to its size. Immutable.
 class SourceText {
  public:
   // Fails with the reason when the file cannot be read, is no regular file or is damaged gzip data.

@@ -18,8 +18,9 @@ void sort_by_wavelength(SampledSpectrum& s) {
   if (std::is_sorted(s.wavelengths.begin(), s.wavelengths.end())) return;
   std::vector<std::size_t> order(s.wavelengths.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return s.wavelengths[a] < s.wavelengths[b]; });
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return s.wavelengths[a] < s.wavelengths[b];
+  });
   SampledSpectrum sorted;
   for (const std::size_t i : order) {
     sorted.wavelengths.push_back(s.wavelengths[i]);
@@ -46,7 +47,8 @@ Rgb observe(F value, Dialect dialect) {
     for (std::size_t c = 0; c < 3; ++c) xyz[c] += v * kCie1931[i][c];
     y_sum += kCie1931[i][1];
   }
-  const double scale = dialect == Dialect::v2 ? 1 / y_sum : (kCieSamples - 1) / (kCieYIntegral * kCieSamples);
+  const double scale =
+      dialect == Dialect::v2 ? 1 / y_sum : (kCieSamples - 1) / (kCieYIntegral * kCieSamples);
   return xyz_to_rgb(xyz[0] * scale, xyz[1] * scale, xyz[2] * scale);
 }
 
@@ -68,7 +70,8 @@ Rgb blackbody_to_rgb(double kelvin, Dialect dialect) {
   if (!(kelvin > 0)) return Rgb(0.f);
   kelvin = std::min(kelvin, 1e9);  // beyond that exp(x) - 1 loses its digits
   // hc/k in nm K: pbrt-v2's rounded value, and from the 2010 CODATA constants that v3 names.
-  const double c2 = dialect == Dialect::v2 ? 1.4388e7 : 6.62606957e-34 * 299792458 / 1.3806488e-23 * 1e9;
+  const double c2 =
+      dialect == Dialect::v2 ? 1.4388e7 : 6.62606957e-34 * 299792458 / 1.3806488e-23 * 1e9;
   const double reference = dialect == Dialect::v2 ? 555.0 : 2.8977721e-3 / kelvin * 1e9;
   const auto planck = [&](double wavelength) {
     const double w = wavelength / 555.0;
@@ -93,7 +96,8 @@ SampledSpectrum read_spd(const std::string& path, const FileLocation& where) {
     if (!std::isfinite(out.wavelengths.back()) || !std::isfinite(out.values.back()))
       throw SceneError(lexer.location(t), "the number is too large");
   }
-  if (out.values.empty()) throw SceneError(where, "the spectrum file '" + path + "' has no samples");
+  if (out.values.empty())
+    throw SceneError(where, "the spectrum file '" + path + "' has no samples");
   return out;
 }
 
