@@ -1,6 +1,7 @@
 #include "trace/loaded_part.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "shapes/geometry.h"
 
@@ -33,6 +34,7 @@ void quadric_intersect(const RTCIntersectFunctionNArguments* args) {
   for (unsigned i = 0; i < args->N; ++i) {
     if (!args->valid[i]) continue;
     const LaneRay r = lane_ray(rays, args->N, i);
+    if (self->surely_misses(args->primID, r.origin, r.direction, r.t_far)) continue;
     QuadricHit found;
     if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
     RTCHit hit{};
@@ -65,6 +67,7 @@ void quadric_occluded(const RTCOccludedFunctionNArguments* args) {
   for (unsigned i = 0; i < args->N; ++i) {
     if (!args->valid[i]) continue;
     const LaneRay r = lane_ray(args->ray, args->N, i);
+    if (self->surely_misses(args->primID, r.origin, r.direction, r.t_far)) continue;
     QuadricHit found;
     if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
     if (self->has_alpha() && !self->opaque(kQuadrics, args->primID, 0, 0, r.origin, r.direction, found.t, true)) continue;
@@ -175,6 +178,21 @@ void LoadedPart::add_triangles() {
 
 void LoadedPart::add_quadrics() {
   if (part_.quadrics.empty()) return;
+  for (const QuadricRecord& record : part_.quadrics) {
+    const Bounds3 box = world_bounds(record.quadric);
+    BoundingSphere around{box.center(), 0.5f * glm::length(box.diagonal()) * 1.00001f};
+    if (record.quadric.kind == QuadricKind::sphere) {
+      // A ball of the longest axis around the centre, if that is smaller than the ball around the box.
+      const glm::mat3 m(record.quadric.object_to_world.matrix());
+      const float scale2 = glm::dot(m[0], m[0]) + glm::dot(m[1], m[1]) + glm::dot(m[2], m[2]);
+      const float uniform = std::sqrt(scale2 / 3.f);
+      const bool similar = std::fabs(glm::length(m[0]) - uniform) < 1e-6f * uniform && std::fabs(glm::length(m[1]) - uniform) < 1e-6f * uniform &&
+                           std::fabs(glm::dot(m[0], m[1])) < 1e-6f * scale2 && std::fabs(glm::dot(m[1], m[2])) < 1e-6f * scale2 &&
+                           std::fabs(glm::dot(m[0], m[2])) < 1e-6f * scale2;
+      if (similar) around = {record.quadric.object_to_world.point(Vec3(0.f)), record.quadric.radius * uniform * 1.00001f};
+    }
+    around_.push_back(around);
+  }
   const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
   rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(part_.quadrics.size()));
   rtcSetGeometryUserData(g.get(), this);
@@ -184,6 +202,22 @@ void LoadedPart::add_quadrics() {
   rtcCommitGeometry(g.get());
   rtcAttachGeometryByID(scene_.get(), g.get(), kQuadrics);
   device_->check("quadrics");
+}
+
+bool LoadedPart::surely_misses(std::uint32_t quadric, const Vec3& origin, const Vec3& direction, float t_far) const {
+  const BoundingSphere& s = around_[quadric];
+  const Vec3 to_center = s.center - origin;
+  // Rounding of the difference, and of what follows, is far below this.
+  const Vec3 size = glm::abs(s.center) + glm::abs(origin);
+  const float radius = s.radius + 2e-6f * (size.x + size.y + size.z);
+  const float length2 = glm::dot(direction, direction);
+  const float nearest = glm::dot(to_center, direction) / length2;
+  const Vec3 off = to_center - nearest * direction;
+  const float half_chord2 = radius * radius - glm::dot(off, off);
+  if (half_chord2 < 0.f) return true;
+  const float half_chord = std::sqrt(half_chord2 / length2);
+  // Written so that NaN (overflow) is no miss.
+  return nearest - half_chord > t_far || nearest + half_chord < 0.f;
 }
 
 void LoadedPart::add_instances() {

@@ -26,6 +26,9 @@ class LoadedPart {
   RTCScene scene() const { return scene_.get(); }
   std::uint64_t bytes() const { return bytes_; }
   bool has_alpha() const { return has_alpha_; }
+  // True if the ray surely misses the quadric between 0 and t_far: a test in float against a sphere around it, before
+  // the exact one in double.
+  bool surely_misses(std::uint32_t quadric, const Vec3& origin, const Vec3& direction, float t_far) const;
 
   // Global ids of a hit in this part; instance: kNone or an index.
   void ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
@@ -44,6 +47,11 @@ class LoadedPart {
   Part part_;
   std::vector<std::shared_ptr<const LoadedPart>> prototypes_;  // by prototype number; those the instances need
   bool has_alpha_ = false;
+  struct BoundingSphere {
+    Vec3 center;
+    float radius;
+  };
+  std::vector<BoundingSphere> around_;  // of each quadric
   std::uint64_t shared_bytes_ = 0, bytes_ = 0;
   SceneHandle scene_;
 };
