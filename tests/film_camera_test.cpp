@@ -1,10 +1,9 @@
-#include "film/camera.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "film/camera.h"
 #include "film_support.h"
 
 namespace cloudrenderer {
@@ -15,8 +14,8 @@ using test::reals;
 
 FilmFrame frame(std::uint32_t w, std::uint32_t h) { return {w, h, 0, 0, w, h}; }
 
-std::unique_ptr<Camera> camera(const std::string& type, std::vector<Param> params, const FilmFrame& f,
-                               const Transform& world_to_camera = {}) {
+std::unique_ptr<Camera> camera(const std::string& type, std::vector<Param> params,
+                               const FilmFrame& f, const Transform& world_to_camera = {}) {
   Warnings warnings;
   CameraDesc desc = entity<CameraDesc>(type, std::move(params));
   desc.world_to_camera = world_to_camera;
@@ -26,7 +25,8 @@ std::unique_ptr<Camera> camera(const std::string& type, std::vector<Param> param
 }
 
 void expect_near(const Vec3& a, const Vec3& b, float tolerance = 1e-6f) {
-  EXPECT_LT(glm::length(a - b), tolerance) << a.x << " " << a.y << " " << a.z << " against " << b.x << " " << b.y << " " << b.z;
+  EXPECT_LT(glm::length(a - b), tolerance)
+      << a.x << " " << a.y << " " << a.z << " against " << b.x << " " << b.y << " " << b.z;
 }
 
 TEST(PerspectiveCamera, LooksAlongItsAxisAndOverItsFieldOfView) {
@@ -44,18 +44,23 @@ TEST(PerspectiveCamera, LooksAlongItsAxisAndOverItsFieldOfView) {
 }
 
 TEST(PerspectiveCamera, TakesScreenWindowAndAspect) {
-  const auto c = camera("perspective", {reals("fov", {90}), reals("screenwindow", {-0.5f, 1, -0.25f, 0.75f})}, frame(10, 10));
+  const auto c =
+      camera("perspective", {reals("fov", {90}), reals("screenwindow", {-0.5f, 1, -0.25f, 0.75f})},
+             frame(10, 10));
   expect_near(c->ray({0, 0}, {}).direction, glm::normalize(Vec3(-0.5f, 0.75f, 1)));
   expect_near(c->ray({10, 10}, {}).direction, glm::normalize(Vec3(1, -0.25f, 1)));
-  const auto a = camera("perspective", {reals("fov", {90}), reals("frameaspectratio", {3})}, frame(10, 10));
+  const auto a =
+      camera("perspective", {reals("fov", {90}), reals("frameaspectratio", {3})}, frame(10, 10));
   expect_near(a->ray({10, 0}, {}).direction, glm::normalize(Vec3(3, 1, 1)));
 }
 
 TEST(PerspectiveCamera, StandsWhereTheTransformationPutsIt) {
   // Mirrored, as many pbrt scenes are, scaled and moved.
-  const Mat4 to_world = glm::translate(Mat4(1.f), Vec3(1, 2, 3)) * glm::rotate(Mat4(1.f), 0.5f * kPi, Vec3(0, 1, 0)) *
+  const Mat4 to_world = glm::translate(Mat4(1.f), Vec3(1, 2, 3)) *
+                        glm::rotate(Mat4(1.f), 0.5f * kPi, Vec3(0, 1, 0)) *
                         glm::scale(Mat4(1.f), Vec3(-2, 2, 2));
-  const auto c = camera("perspective", {reals("fov", {90})}, frame(100, 100), Transform(to_world).inverse());
+  const auto c =
+      camera("perspective", {reals("fov", {90})}, frame(100, 100), Transform(to_world).inverse());
   const CameraRay r = c->ray({50, 50}, {});
   expect_near(r.origin, {1, 2, 3});
   expect_near(r.direction, {1, 0, 0});
@@ -63,7 +68,9 @@ TEST(PerspectiveCamera, StandsWhereTheTransformationPutsIt) {
 }
 
 TEST(PerspectiveCamera, LensRaysMeetInThePlaneOfFocus) {
-  const auto c = camera("perspective", {reals("fov", {50}), reals("lensradius", {0.3f}), reals("focaldistance", {7})}, frame(64, 48));
+  const auto c = camera(
+      "perspective", {reals("fov", {50}), reals("lensradius", {0.3f}), reals("focaldistance", {7})},
+      frame(64, 48));
   const auto pinhole = camera("perspective", {reals("fov", {50})}, frame(64, 48));
   EXPECT_TRUE(c->uses_lens());
   for (const Vec2& film : {Vec2(3, 4), Vec2(32, 24), Vec2(60.5f, 1.25f)}) {
@@ -71,7 +78,8 @@ TEST(PerspectiveCamera, LensRaysMeetInThePlaneOfFocus) {
     const Vec3 focus = d * (7 / d.z);
     float widest = 0;
     for (int i = 0; i < 64; ++i) {
-      const CameraRay r = c->ray(film, {static_cast<float>(i % 8) / 8.f, static_cast<float>(i / 8) / 8.f});
+      const CameraRay r =
+          c->ray(film, {static_cast<float>(i % 8) / 8.f, static_cast<float>(i / 8) / 8.f});
       EXPECT_NEAR(glm::length(r.direction), 1, 1e-6);
       EXPECT_EQ(r.origin.z, 0);
       widest = std::max(widest, glm::length(r.origin));
@@ -83,7 +91,8 @@ TEST(PerspectiveCamera, LensRaysMeetInThePlaneOfFocus) {
 }
 
 TEST(PerspectiveCamera, FocusMayBeAtInfinity) {
-  const auto c = camera("perspective", {reals("lensradius", {0.3f}), reals("focaldistance", {1e30f})}, frame(8, 8));
+  const auto c = camera(
+      "perspective", {reals("lensradius", {0.3f}), reals("focaldistance", {1e30f})}, frame(8, 8));
   expect_near(c->ray({4, 4}, {0.1f, 0.9f}).direction, {0, 0, 1});
 }
 
@@ -93,7 +102,8 @@ TEST(PerspectiveCamera, ConesCoverTheirPixels) {
   double sum = 0;
   for (int y = 0; y < 200; ++y)
     for (int x = 0; x < 300; ++x) {
-      const float s = c->ray({static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f}, {}).cone_spread;
+      const float s =
+          c->ray({static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f}, {}).cone_spread;
       sum += static_cast<double>(s) * static_cast<double>(s);
     }
   const double b = std::tan(35 * 3.14159265358979 / 180), a = 1.5 * b;
@@ -121,20 +131,26 @@ TEST(EnvironmentCamera, SeesAllDirections) {
 }
 
 TEST(Camera, AcceptsWhatChangesNothing) {
-  camera("perspective", {reals("hither", {0.1f}), reals("yon", {100}), reals("shutteropen", {0}), reals("shutterclose", {1})},
+  camera("perspective",
+         {reals("hither", {0.1f}), reals("yon", {100}), reals("shutteropen", {0}),
+          reals("shutterclose", {1})},
          frame(8, 8));
 }
 
 TEST(Camera, RefusesWhatMakesNoPicture) {
   EXPECT_THROW(camera("perspective", {reals("fov", {180})}, frame(8, 8)), SceneError);
   EXPECT_THROW(camera("perspective", {reals("fov", {-5})}, frame(8, 8)), SceneError);
-  EXPECT_THROW(camera("perspective", {reals("screenwindow", {0, 0, 0, 1})}, frame(8, 8)), SceneError);
-  EXPECT_THROW(camera("perspective", {}, frame(8, 8), Transform(glm::scale(Mat4(1.f), Vec3(0, 1, 1)))), SceneError);
+  EXPECT_THROW(camera("perspective", {reals("screenwindow", {0, 0, 0, 1})}, frame(8, 8)),
+               SceneError);
+  EXPECT_THROW(
+      camera("perspective", {}, frame(8, 8), Transform(glm::scale(Mat4(1.f), Vec3(0, 1, 1)))),
+      SceneError);
 }
 
 TEST(Camera, WarnsAboutUnknownKindsAndParameters) {
   Warnings warnings;
-  Camera::build(entity<CameraDesc>("realistic", {reals("nonsense", {1})}), frame(8, 8), Dialect::v3, warnings);
+  Camera::build(entity<CameraDesc>("realistic", {reals("nonsense", {1})}), frame(8, 8), Dialect::v3,
+                warnings);
   EXPECT_EQ(warnings.list().size(), 2u);
 }
 

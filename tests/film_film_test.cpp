@@ -1,10 +1,11 @@
+#include "film/film.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numeric>
 #include <random>
 
-#include "film/film.h"
 #include "film_support.h"
 
 namespace cloudrenderer {
@@ -49,7 +50,8 @@ TEST(PixelSums, DoNotDependOnTheOrderOfSamples) {
   for (int round = 0; round < 10; ++round) {
     std::shuffle(samples.begin(), samples.end(), random);
     PixelSums a, b;
-    for (std::size_t i = 0; i < samples.size(); ++i) (i < 123 ? a : b).add(samples[i].first, samples[i].second);
+    for (std::size_t i = 0; i < samples.size(); ++i)
+      (i < 123 ? a : b).add(samples[i].first, samples[i].second);
     b.merge(a);
     EXPECT_EQ(b.sum, in_order.sum);
     EXPECT_EQ(b.count, in_order.count);
@@ -117,7 +119,9 @@ TEST(FilmOptions, NeighbouringCropsMeetWithoutOverlap) {
     const float a = static_cast<float>(i) / 7.f, b = static_cast<float>(i + 1) / 7.f;
     const FilmFrame f =
         film_options(entity("image", {integer("xresolution", 100), integer("yresolution", 10),
-                                      reals("cropwindow", {a, b, 0, 1})}), Dialect::v3, warnings).frame;
+                                      reals("cropwindow", {a, b, 0, 1})}),
+                     Dialect::v3, warnings)
+            .frame;
     EXPECT_EQ(f.x0, end);
     end = f.x1;
   }
@@ -126,8 +130,11 @@ TEST(FilmOptions, NeighbouringCropsMeetWithoutOverlap) {
 
 TEST(FilmOptions, EmptyCropsKeepOnePixel) {
   Warnings warnings;
-  const FilmFrame f = film_options(entity("image", {integer("xresolution", 10), integer("yresolution", 10),
-                                                    reals("cropwindow", {1, 1, 0.5f, 0.5f})}), Dialect::v2, warnings).frame;
+  const FilmFrame f =
+      film_options(entity("image", {integer("xresolution", 10), integer("yresolution", 10),
+                                    reals("cropwindow", {1, 1, 0.5f, 0.5f})}),
+                   Dialect::v2, warnings)
+          .frame;
   EXPECT_EQ(f, (FilmFrame{10, 10, 9, 5, 10, 6}));
 }
 
@@ -137,7 +144,8 @@ TEST(FilmOptions, HaveTheDefaultsOfTheirDialect) {
   EXPECT_EQ(v2.frame, (FilmFrame{640, 480, 0, 0, 640, 480}));
   EXPECT_EQ(v2.filename, "pbrt.exr");
   const FilmOptions v3 = film_options(entity("image", {reals("scale", {6}), reals("diagonal", {35}),
-                                                       reals("maxsampleluminance", {10})}), Dialect::v3, warnings);
+                                                       reals("maxsampleluminance", {10})}),
+                                      Dialect::v3, warnings);
   EXPECT_EQ(v3.frame, (FilmFrame{1280, 720, 0, 0, 1280, 720}));
   EXPECT_EQ(v3.scale, 6.f);
   EXPECT_EQ(v3.max_sample_luminance, 10.f);
@@ -146,16 +154,23 @@ TEST(FilmOptions, HaveTheDefaultsOfTheirDialect) {
 
 TEST(FilmOptions, RefusesImpossibleSizes) {
   Warnings warnings;
-  EXPECT_THROW(film_options(entity("image", {integer("xresolution", 0)}), Dialect::v2, warnings), SceneError);
-  EXPECT_THROW(film_options(entity("image", {integer("yresolution", -3)}), Dialect::v2, warnings), SceneError);
-  EXPECT_THROW(film_options(entity("image", {reals("cropwindow", {0, 1})}), Dialect::v2, warnings), SceneError);
+  EXPECT_THROW(film_options(entity("image", {integer("xresolution", 0)}), Dialect::v2, warnings),
+               SceneError);
+  EXPECT_THROW(film_options(entity("image", {integer("yresolution", -3)}), Dialect::v2, warnings),
+               SceneError);
+  EXPECT_THROW(film_options(entity("image", {reals("cropwindow", {0, 1})}), Dialect::v2, warnings),
+               SceneError);
 }
 
 TEST(FilmOptions, NamesAFileThatCanBeWritten) {
   Warnings warnings;
-  EXPECT_EQ(film_options(entity("image", {string("filename", "a/b.tga")}), Dialect::v2, warnings).filename, "a/b.exr");
+  EXPECT_EQ(film_options(entity("image", {string("filename", "a/b.tga")}), Dialect::v2, warnings)
+                .filename,
+            "a/b.exr");
   EXPECT_EQ(warnings.list().size(), 1u);
-  EXPECT_EQ(film_options(entity("image", {string("filename", "a/b.png")}), Dialect::v2, warnings).filename, "a/b.png");
+  EXPECT_EQ(film_options(entity("image", {string("filename", "a/b.png")}), Dialect::v2, warnings)
+                .filename,
+            "a/b.png");
   EXPECT_EQ(warnings.list().size(), 1u);
 }
 

@@ -18,7 +18,9 @@ struct Axis {
   std::function<double(double)> f;  // along one axis; the filter is the product
 };
 
-double sinc(double x) { return x == 0 ? 1 : std::sin(3.14159265358979 * x) / (3.14159265358979 * x); }
+double sinc(double x) {
+  return x == 0 ? 1 : std::sin(3.14159265358979 * x) / (3.14159265358979 * x);
+}
 
 const std::vector<Axis>& axes() {
   static const std::vector<Axis> all = {
@@ -43,7 +45,8 @@ double mean(const Filter& filter, int n, F&& f) {
     for (int x = 0; x < n; ++x) {
       float weight;
       const Vec2 p = filter.sample({(static_cast<float>(x) + 0.5f) / static_cast<float>(n),
-                                    (static_cast<float>(y) + 0.5f) / static_cast<float>(n)}, weight);
+                                    (static_cast<float>(y) + 0.5f) / static_cast<float>(n)},
+                                   weight);
       sum += static_cast<double>(weight) * f(p);
     }
   return sum / (static_cast<double>(n) * n);
@@ -76,7 +79,8 @@ TEST(Filter, SamplesIntegrateAsTheFilterDoes) {
 TEST(Filter, StaysInsideItsWidth) {
   for (const Axis& axis : axes()) {
     Warnings warnings;
-    const auto filter = Filter::build(entity(axis.type, {reals("xwidth", {1.5f}), reals("ywidth", {3})}), warnings);
+    const auto filter =
+        Filter::build(entity(axis.type, {reals("xwidth", {1.5f}), reals("ywidth", {3})}), warnings);
     Vec2 low(0), high(0);
     for (int i = 0; i <= 100; ++i) {
       float weight;

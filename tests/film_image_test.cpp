@@ -29,7 +29,8 @@ class Folder {
   }
   std::string operator/(const std::string& name) const { return (path_ / name).string(); }
   std::size_t files() const {
-    return static_cast<std::size_t>(std::distance(fs::directory_iterator(path_), fs::directory_iterator()));
+    return static_cast<std::size_t>(
+        std::distance(fs::directory_iterator(path_), fs::directory_iterator()));
   }
 
  private:
@@ -62,14 +63,16 @@ TEST(ImageFile, ExrComesBackBitForBit) {
   const Image back = read_image(folder / "a.exr");
   ASSERT_EQ(back.width, 33u);
   ASSERT_EQ(back.height, 21u);
-  EXPECT_EQ(std::memcmp(back.pixels.data(), image.pixels.data(), image.pixels.size() * sizeof(Rgb)), 0);
+  EXPECT_EQ(std::memcmp(back.pixels.data(), image.pixels.data(), image.pixels.size() * sizeof(Rgb)),
+            0);
   EXPECT_EQ(folder.files(), 1u) << "no temporary file stays";
 }
 
 TEST(ImageFile, ExrCarriesWindowsAndMetadata) {
   const Folder folder;
   const Image image = noise(5, 4);
-  write_image(folder / "a.exr", image, {100, 80, 10, 20, 15, 24}, {{"spp", "64"}, {"cloudrenderer:seed", "7 8"}});
+  write_image(folder / "a.exr", image, {100, 80, 10, 20, 15, 24},
+              {{"spp", "64"}, {"cloudrenderer:seed", "7 8"}});
   const auto in = OIIO::ImageInput::open(folder / "a.exr");
   ASSERT_TRUE(in);
   const OIIO::ImageSpec& s = in->spec();
@@ -124,13 +127,17 @@ TEST(ImageFile, ReplacesAnOldFile) {
 TEST(ImageFile, SaysWhyItCannotBeWritten) {
   const Folder folder;
   const Image image = noise(3, 3);
-  const auto write = [&](const std::string& path) { return error_of([&] { write_image(path, image, full(image), {}); }); };
+  const auto write = [&](const std::string& path) {
+    return error_of([&] { write_image(path, image, full(image), {}); });
+  };
   EXPECT_NE(write(folder / "no/such/a.exr").find("No such file or directory"), std::string::npos);
   EXPECT_NE(write(folder / "a.tga").find(".exr or .png"), std::string::npos);
   fs::create_directory(folder / "d.exr");
   EXPECT_NE(write(folder / "d.exr").find("Is a directory"), std::string::npos);
   EXPECT_EQ(folder.files(), 1u) << "no temporary file stays";
-  EXPECT_NE(error_of([&] { write_image(folder / "b.exr", image, {4, 4, 0, 0, 4, 4}, {}); }).find("size"),
+  EXPECT_NE(error_of([&] {
+              write_image(folder / "b.exr", image, {4, 4, 0, 0, 4, 4}, {});
+            }).find("size"),
             std::string::npos);
   if (::access("/dev/full", W_OK) == 0) {
     // A temporary name that is a link to a full device: the disk is full while writing.
@@ -142,7 +149,8 @@ TEST(ImageFile, SaysWhyItCannotBeWritten) {
 
 TEST(ImageFile, SaysWhyItCannotBeRead) {
   const Folder folder;
-  EXPECT_NE(error_of([&] { read_image(folder / "none.exr"); }).find("No such file"), std::string::npos);
+  EXPECT_NE(error_of([&] { read_image(folder / "none.exr"); }).find("No such file"),
+            std::string::npos);
   std::ofstream(folder / "bad.exr") << "not a picture";
   EXPECT_NE(error_of([&] { read_image(folder / "bad.exr"); }).find("bad.exr"), std::string::npos);
   const Image image = noise(64, 64);
@@ -158,7 +166,8 @@ TEST(CompareImages, GivesTheNumbersOfTheReferenceTool) {
   const ImageDifference d = compare_images(a, b);
   const double relative = (1 / 1.01 + 4 / 16.01 + 0.25 / 0.01) / 12;
   EXPECT_NEAR(d.relmse, relative, 1e-12);
-  EXPECT_NEAR(d.relmse_trimmed, (1 / 1.01 + 4 / 16.01) / 9, 1e-12) << "the worst of four pixels is left out";
+  EXPECT_NEAR(d.relmse_trimmed, (1 / 1.01 + 4 / 16.01) / 9, 1e-12)
+      << "the worst of four pixels is left out";
   EXPECT_NEAR(d.mse, (1 + 4 + 0.25) / 12, 1e-12);
   EXPECT_NEAR(d.psnr, -10 * std::log10(5.25 / 12), 1e-9);
   EXPECT_EQ(d.largest, 2);

@@ -22,8 +22,11 @@ struct Lens {
 class PerspectiveCamera final : public Camera {
  public:
   PerspectiveCamera(const Transform& camera_to_world, const Screen& image_plane, const Lens& lens)
-      : to_world_(camera_to_world), plane_(image_plane), lens_(lens),
-        pixel_area_(std::fabs(image_plane.dx * image_plane.dy)), eye_(camera_to_world.point(Vec3(0.f))) {}
+      : to_world_(camera_to_world),
+        plane_(image_plane),
+        lens_(lens),
+        pixel_area_(std::fabs(image_plane.dx * image_plane.dy)),
+        eye_(camera_to_world.point(Vec3(0.f))) {}
 
   CameraRay ray(const Vec2& film, const Vec2& lens) const override {
     CameraRay out;
@@ -55,7 +58,8 @@ class OrthographicCamera final : public Camera {
  public:
   OrthographicCamera(const Transform& camera_to_world, const Screen& screen, const Lens& lens)
       : to_world_(camera_to_world), screen_(screen), lens_(lens) {
-    cone_width_ = std::sqrt(glm::length(glm::cross(to_world_.vector({screen.dx, 0, 0}), to_world_.vector({0, screen.dy, 0}))));
+    cone_width_ = std::sqrt(glm::length(
+        glm::cross(to_world_.vector({screen.dx, 0, 0}), to_world_.vector({0, screen.dy, 0}))));
   }
 
   CameraRay ray(const Vec2& film, const Vec2& lens) const override {
@@ -84,7 +88,8 @@ class OrthographicCamera final : public Camera {
 class EnvironmentCamera final : public Camera {
  public:
   EnvironmentCamera(const Transform& camera_to_world, const FilmFrame& frame)
-      : to_world_(camera_to_world), eye_(camera_to_world.point(Vec3(0.f))),
+      : to_world_(camera_to_world),
+        eye_(camera_to_world.point(Vec3(0.f))),
         step_(2 * kPi / static_cast<float>(frame.width), kPi / static_cast<float>(frame.height)) {}
 
   CameraRay ray(const Vec2& film, const Vec2&) const override {
@@ -93,7 +98,8 @@ class EnvironmentCamera final : public Camera {
     portable::sincos(film.y * step_.y, sin_theta, cos_theta);
     CameraRay out;
     out.origin = eye_;
-    out.direction = glm::normalize(to_world_.vector({sin_theta * cos_phi, cos_theta, sin_theta * sin_phi}));
+    out.direction =
+        glm::normalize(to_world_.vector({sin_theta * cos_phi, cos_theta, sin_theta * sin_phi}));
     out.cone_spread = std::sqrt(step_.x * step_.y * std::fabs(sin_theta));
     return out;
   }
@@ -108,7 +114,8 @@ class EnvironmentCamera final : public Camera {
 Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
   const float width = static_cast<float>(frame.width), height = static_cast<float>(frame.height);
   const float aspect = desc.params.real("frameaspectratio", width / height);
-  if (!(aspect > 0.f && aspect < kInfinity)) throw SceneError{desc.location, "frameaspectratio must be above 0"};
+  if (!(aspect > 0.f && aspect < kInfinity))
+    throw SceneError{desc.location, "frameaspectratio must be above 0"};
   float w[4] = {-1, 1, -1, 1};  // x0 x1 y0 y1, the shorter axis spans 2
   if (aspect > 1.f) {
     w[0] = -aspect;
@@ -120,7 +127,8 @@ Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
   if (const BulkArray<float> given = desc.params.reals("screenwindow"); given.size() == 4) {
     std::copy(given.begin(), given.end(), w);
   } else if (!given.empty()) {
-    throw SceneError{desc.location, "screenwindow must have 4 values, got " + std::to_string(given.size())};
+    throw SceneError{desc.location,
+                     "screenwindow must have 4 values, got " + std::to_string(given.size())};
   }
   const Screen out{w[0], w[3], (w[1] - w[0]) / width, (w[2] - w[3]) / height};
   if (!std::isfinite(out.dx) || !std::isfinite(out.dy) || out.dx == 0.f || out.dy == 0.f)
@@ -130,17 +138,20 @@ Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
 
 Lens lens(const CameraDesc& desc) {
   const Lens out{desc.params.real("lensradius", 0.f), desc.params.real("focaldistance", 1e6f)};
-  if (!(out.radius >= 0.f && out.radius < kInfinity)) throw SceneError{desc.location, "lensradius must be 0 or more"};
+  if (!(out.radius >= 0.f && out.radius < kInfinity))
+    throw SceneError{desc.location, "lensradius must be 0 or more"};
   if (!(out.focal_distance > 0.f)) throw SceneError{desc.location, "focaldistance must be above 0"};
   return out;
 }
 
 float field_of_view(const CameraDesc& desc) {
   float fov = desc.params.real("fov", 90.f);
-  const float half = desc.params.real("halffov", -1.f);  // of scenes that were made for other programs
+  const float half =
+      desc.params.real("halffov", -1.f);  // of scenes that were made for other programs
   if (half > 0.f) fov = 2.f * half;
   if (!(fov > 0.f && fov < 180.f))
-    throw SceneError{desc.location, "fov must be between 0 and 180 degrees, got " + std::to_string(fov)};
+    throw SceneError{desc.location,
+                     "fov must be between 0 and 180 degrees, got " + std::to_string(fov)};
   return fov;
 }
 
@@ -152,18 +163,21 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
   if (!to_world.is_invertible() || !desc.world_to_camera.is_invertible())
     throw SceneError{desc.location, "the camera's transformation cannot be inverted"};
   // Clipping planes and the shutter change nothing without motion; scenes carry them all the same.
-  for (const char* name : {"hither", "yon", "shutteropen", "shutterclose"}) desc.params.real(name, 0.f);
+  for (const char* name : {"hither", "yon", "shutteropen", "shutterclose"})
+    desc.params.real(name, 0.f);
 
   std::unique_ptr<Camera> camera;
   if (desc.type == "environment") {
-    for (const char* name : {"lensradius", "focaldistance", "frameaspectratio"}) desc.params.real(name, 0.f);
+    for (const char* name : {"lensradius", "focaldistance", "frameaspectratio"})
+      desc.params.real(name, 0.f);
     desc.params.reals("screenwindow");
     camera = std::make_unique<EnvironmentCamera>(to_world, frame);
   } else if (desc.type == "orthographic") {
     camera = std::make_unique<OrthographicCamera>(to_world, screen_window(desc, frame), lens(desc));
   } else {
     if (!desc.type.empty() && desc.type != "perspective")
-      warnings.add(desc.location, "camera \"" + desc.type + "\" is not supported, \"perspective\" is used");
+      warnings.add(desc.location,
+                   "camera \"" + desc.type + "\" is not supported, \"perspective\" is used");
     Screen plane = screen_window(desc, frame);
     const float half = portable::tan(field_of_view(desc) * (kPi / 360.f));
     for (float* v : {&plane.x, &plane.y, &plane.dx, &plane.dy}) *v *= half;

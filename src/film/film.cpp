@@ -53,7 +53,8 @@ Image Film::image(float scale) const {
     const std::uint32_t n = s.count[0] + s.count[1];
     if (n == 0) continue;
     for (std::size_t i = 0; i < 3; ++i)
-      out.pixels[p][static_cast<int>(i)] = static_cast<float>(mean(s.sum[0][i] + s.sum[1][i], n, unit));
+      out.pixels[p][static_cast<int>(i)] =
+          static_cast<float>(mean(s.sum[0][i] + s.sum[1][i], n, unit));
   }
   return out;
 }

@@ -18,8 +18,8 @@ __extension__ typedef __int128 Int128;
 // Radiance in fixed point: units of 2^-k, k fixed per job. Sums do not depend on their order.
 using Fixed3 = std::array<std::int64_t, 3>;
 
-// Rounds a contribution once to fixed point. Out-of-range values are clamped to +-2^62 and `clamped` is set.
-// The input is finite.
+// Rounds a contribution once to fixed point. Out-of-range values are clamped to +-2^62 and
+// `clamped` is set. The input is finite.
 Fixed3 quantise(const Rgb& c, int k, bool& clamped);
 
 // What a pixel has got so far; half h holds the samples s with (s & 1) == h.
@@ -42,8 +42,8 @@ struct FilmFrame {
 
 struct FilmOptions {
   FilmFrame frame;
-  std::string filename;      // of the scene's Film directive
-  float scale = 1;           // v3 "scale"
+  std::string filename;                    // of the scene's Film directive
+  float scale = 1;                         // v3 "scale"
   float max_sample_luminance = kInfinity;  // v3 "maxsampleluminance"
 };
 // Reads `Film` with pbrt's rounding of crop windows (ceil). Throws SceneError.
@@ -61,14 +61,15 @@ class Film {
   Film(const FilmFrame& frame, int k) : frame_(frame), k_(k), sums_(frame.pixels()) {}
   const FilmFrame& frame() const { return frame_; }
   int k() const { return k_; }
-  PixelSums& at(std::uint32_t x, std::uint32_t y) {  // full-resolution coordinates inside the crop window
+  PixelSums& at(std::uint32_t x,
+                std::uint32_t y) {  // full-resolution coordinates inside the crop window
     return sums_[std::size_t{y - frame_.y0} * frame_.crop_width() + (x - frame_.x0)];
   }
   std::span<PixelSums> sums() { return sums_; }
   std::span<const PixelSums> sums() const { return sums_; }
-  Image image(float scale) const;        // sum / count * scale, rounded once; black where count is 0
-  // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (mean^2 + 0.01), a and b the means of
-  // the two halves; pixels without both halves are left out; 0 if there is none.
+  Image image(float scale) const;  // sum / count * scale, rounded once; black where count is 0
+  // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (mean^2 + 0.01), a
+  // and b the means of the two halves; pixels without both halves are left out; 0 if there is none.
   double estimated_relmse(float scale) const;
 
  private:
@@ -77,8 +78,9 @@ class Film {
   std::vector<PixelSums> sums_;
 };
 
-// Writes .exr (32 bit float; data and display window from the frame) or .png (sRGB, 8 bit), by file name; `metadata`
-// goes into the EXR header. Writes to a temporary name and renames. Throws std::runtime_error with the reason.
+// Writes .exr (32 bit float; data and display window from the frame) or .png (sRGB, 8 bit), by file
+// name; `metadata` goes into the EXR header. Writes to a temporary name and renames. Throws
+// std::runtime_error with the reason.
 void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
                  const std::map<std::string, std::string>& metadata);
 // Reads R, G, B of an image file as linear floats. Throws std::runtime_error.
@@ -86,12 +88,15 @@ Image read_image(const std::string& path);
 
 struct ImageDifference {
   double mse = 0, relmse = 0, relmse_trimmed = 0, psnr = 0, largest = 0;
-  std::array<double, 3> mean_ratio{};   // a / b per channel, pixels that are saturated outliers in b left out
+  std::array<double, 3>
+      mean_ratio{};  // a / b per channel, pixels that are saturated outliers in b left out
   bool identical = false;
 };
-// a against reference b. psnr is for a peak of 1, infinite for equal pictures; `identical` means the same bits.
-// Throws std::runtime_error for different sizes or NaN/infinity in either; pixels that are not finite in the
-// reference can be left out instead (pictures of other programs hold such).
-ImageDifference compare_images(const Image& a, const Image& b, bool ignore_nonfinite_reference = false);
+// a against reference b. psnr is for a peak of 1, infinite for equal pictures; `identical` means
+// the same bits. Throws std::runtime_error for different sizes or NaN/infinity in either; pixels
+// that are not finite in the reference can be left out instead (pictures of other programs hold
+// such).
+ImageDifference compare_images(const Image& a, const Image& b,
+                               bool ignore_nonfinite_reference = false);
 
 }  // namespace cloudrenderer

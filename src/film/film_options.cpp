@@ -12,8 +12,9 @@ constexpr int kMaxResolution = 1 << 16;
 std::uint32_t resolution(const Entity& film, const char* name, int otherwise) {
   const int n = film.params.integer(name, otherwise);
   if (n < 1 || n > kMaxResolution)
-    throw SceneError{film.location, std::string(name) + " must be between 1 and " + std::to_string(kMaxResolution) +
-                                        ", got " + std::to_string(n)};
+    throw SceneError{film.location, std::string(name) + " must be between 1 and " +
+                                        std::to_string(kMaxResolution) + ", got " +
+                                        std::to_string(n)};
   return static_cast<std::uint32_t>(n);
 }
 
@@ -22,8 +23,10 @@ void crop(std::uint32_t size, float from, float to, std::uint32_t& begin, std::u
   from = std::clamp(from, 0.f, 1.f);
   to = std::clamp(to, 0.f, 1.f);
   if (to < from) std::swap(from, to);
-  begin = std::min(static_cast<std::uint32_t>(std::ceil(static_cast<float>(size) * from)), size - 1);
-  end = std::clamp(static_cast<std::uint32_t>(std::ceil(static_cast<float>(size) * to)), begin + 1, size);
+  begin =
+      std::min(static_cast<std::uint32_t>(std::ceil(static_cast<float>(size) * from)), size - 1);
+  end = std::clamp(static_cast<std::uint32_t>(std::ceil(static_cast<float>(size) * to)), begin + 1,
+                   size);
 }
 
 }  // namespace
@@ -47,7 +50,8 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
     for (const float w : window)
       if (!std::isfinite(w)) throw SceneError{film.location, "cropwindow must be finite"};
   } else if (!given.empty()) {
-    throw SceneError{film.location, "cropwindow must have 4 values, got " + std::to_string(given.size())};
+    throw SceneError{film.location,
+                     "cropwindow must have 4 values, got " + std::to_string(given.size())};
   }
   crop(f.width, window[0], window[1], f.x0, f.x1);
   crop(f.height, window[2], window[3], f.y0, f.y1);
@@ -56,7 +60,8 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
   const std::filesystem::path name(out.filename);
   if (name.extension() != ".exr" && name.extension() != ".png") {
     out.filename = std::filesystem::path(name).replace_extension(".exr").string();
-    warnings.add(film.location, "pictures are written as .exr or .png: the file name becomes " + out.filename);
+    warnings.add(film.location,
+                 "pictures are written as .exr or .png: the file name becomes " + out.filename);
   }
   if (v3) {
     out.scale = params.real("scale", 1.f);

@@ -46,7 +46,8 @@ class TabulatedAxis {
     std::vector<float> values(kCells);
     double sum = 0, absolute = 0;
     for (std::size_t i = 0; i < kCells; ++i) {
-      const double x = (2 * (static_cast<double>(i) + 0.5) / kCells - 1) * static_cast<double>(width);
+      const double x =
+          (2 * (static_cast<double>(i) + 0.5) / kCells - 1) * static_cast<double>(width);
       const double v = f(x);
       values[i] = static_cast<float>(std::fabs(v));
       negative_[i] = v < 0;
@@ -94,7 +95,9 @@ double mitchell(double x, double b, double c) {
   x = std::fabs(x);
   if (x >= 2) return 0;
   if (x > 1)
-    return ((-b - 6 * c) * x * x * x + (6 * b + 30 * c) * x * x + (-12 * b - 48 * c) * x + (8 * b + 24 * c)) / 6;
+    return ((-b - 6 * c) * x * x * x + (6 * b + 30 * c) * x * x + (-12 * b - 48 * c) * x +
+            (8 * b + 24 * c)) /
+           6;
   return ((12 - 9 * b - 6 * c) * x * x * x + (-18 + 12 * b + 6 * c) * x * x + (6 - 2 * b)) / 6;
 }
 
@@ -108,7 +111,8 @@ std::unique_ptr<Filter> make(const Entity& desc, Dialect dialect, Warnings& warn
   const auto width = [&](float otherwise) {
     const Vec2 w(params.real("xwidth", otherwise), params.real("ywidth", otherwise));
     if (!(w.x > 0.f && w.y > 0.f && w.x <= 1e3f && w.y <= 1e3f))
-      throw SceneError{desc.location, "the filter's xwidth and ywidth must be above 0 and at most 1000"};
+      throw SceneError{desc.location,
+                       "the filter's xwidth and ywidth must be above 0 and at most 1000"};
     return w;
   };
   if (desc.type == "triangle") return std::make_unique<TriangleFilter>(width(2.f));
@@ -119,19 +123,20 @@ std::unique_ptr<Filter> make(const Entity& desc, Dialect dialect, Warnings& warn
     });
   }
   if (desc.type == "mitchell") {
-    const auto b = static_cast<double>(params.real("B", 1.f / 3.f)), c = static_cast<double>(params.real("C", 1.f / 3.f));
-    return std::make_unique<TabulatedFilter>(width(2.f),
-                                             [b, c](double x, double w) { return mitchell(2 * x / w, b, c); });
+    const auto b = static_cast<double>(params.real("B", 1.f / 3.f)),
+               c = static_cast<double>(params.real("C", 1.f / 3.f));
+    return std::make_unique<TabulatedFilter>(
+        width(2.f), [b, c](double x, double w) { return mitchell(2 * x / w, b, c); });
   }
   if (desc.type == "sinc") {
     const auto tau = static_cast<double>(params.real("tau", 3.f));
     if (!(tau > 0)) throw SceneError{desc.location, "the filter's tau must be above 0"};
     // v2 stretches tau cycles over the width, v3 counts both factors in pixels.
     if (dialect == Dialect::v2)
-      return std::make_unique<TabulatedFilter>(width(4.f),
-                                               [tau](double x, double w) { return sinc(tau * x / w) * sinc(x / w); });
-    return std::make_unique<TabulatedFilter>(width(4.f),
-                                             [tau](double x, double) { return sinc(x) * sinc(x / tau); });
+      return std::make_unique<TabulatedFilter>(
+          width(4.f), [tau](double x, double w) { return sinc(tau * x / w) * sinc(x / w); });
+    return std::make_unique<TabulatedFilter>(
+        width(4.f), [tau](double x, double) { return sinc(x) * sinc(x / tau); });
   }
   if (!desc.type.empty() && desc.type != "box")
     warnings.add(desc.location, "pixel filter \"" + desc.type + "\" is unknown, \"box\" is used");

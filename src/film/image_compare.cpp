@@ -21,16 +21,19 @@ double quantile(std::vector<double>& values, double q) {
   return a + (b - a) * (at - static_cast<double>(i));
 }
 
-std::string size_text(const Image& i) { return std::to_string(i.width) + "x" + std::to_string(i.height); }
+std::string size_text(const Image& i) {
+  return std::to_string(i.width) + "x" + std::to_string(i.height);
+}
 
 }  // namespace
 
 ImageDifference compare_images(const Image& a, const Image& b, bool ignore_nonfinite_reference) {
   if (a.width != b.width || a.height != b.height || a.pixels.size() != b.pixels.size())
-    throw std::runtime_error("the pictures have different sizes: " + size_text(a) + " and " + size_text(b));
+    throw std::runtime_error("the pictures have different sizes: " + size_text(a) + " and " +
+                             size_text(b));
   ImageDifference out;
-  out.identical =
-      a.pixels.empty() || std::memcmp(a.pixels.data(), b.pixels.data(), a.pixels.size() * sizeof(Rgb)) == 0;
+  out.identical = a.pixels.empty() ||
+                  std::memcmp(a.pixels.data(), b.pixels.data(), a.pixels.size() * sizeof(Rgb)) == 0;
 
   std::vector<std::size_t> used;
   used.reserve(a.pixels.size());
@@ -49,7 +52,8 @@ ImageDifference compare_images(const Image& a, const Image& b, bool ignore_nonfi
   for (const std::size_t p : used) {
     double relative = 0;
     for (int i = 0; i < 3; ++i) {
-      const double va = static_cast<double>(a.pixels[p][i]), vb = static_cast<double>(b.pixels[p][i]);
+      const double va = static_cast<double>(a.pixels[p][i]),
+                   vb = static_cast<double>(b.pixels[p][i]);
       const double square = (va - vb) * (va - vb);
       out.mse += square;
       relative += square / (vb * vb + 0.01);
@@ -66,7 +70,8 @@ ImageDifference compare_images(const Image& a, const Image& b, bool ignore_nonfi
   out.relmse = std::accumulate(errors.begin(), errors.end(), 0.0) / n;
   const auto kept = std::max<std::size_t>(1, static_cast<std::size_t>(n * 0.999));
   out.relmse_trimmed =
-      std::accumulate(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(kept), 0.0) / static_cast<double>(kept);
+      std::accumulate(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(kept), 0.0) /
+      static_cast<double>(kept);
 
   std::vector<double> sorted = brightest;
   const double limit = quantile(sorted, 0.995);
@@ -80,7 +85,8 @@ ImageDifference compare_images(const Image& a, const Image& b, bool ignore_nonfi
     }
     ++counted;
   }
-  for (std::size_t i = 0; i < 3; ++i) out.mean_ratio[i] = sum_a[i] / std::max(sum_b[i], 1e-9 * counted);
+  for (std::size_t i = 0; i < 3; ++i)
+    out.mean_ratio[i] = sum_a[i] / std::max(sum_b[i], 1e-9 * counted);
   return out;
 }
 

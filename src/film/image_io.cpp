@@ -26,7 +26,8 @@ std::string reason(int error) { return std::generic_category().message(error); }
 
 float to_srgb(float v) {
   if (!(v > 0.f)) return 0.f;
-  return v <= 0.0031308f ? 12.92f * v : 1.055f * portable::pow(std::min(v, 1.f), 1.f / 2.4f) - 0.055f;
+  return v <= 0.0031308f ? 12.92f * v
+                         : 1.055f * portable::pow(std::min(v, 1.f), 1.f / 2.4f) - 0.055f;
 }
 
 float from_srgb(float v) {
@@ -34,8 +35,8 @@ float from_srgb(float v) {
 }
 
 // Encodes in memory, so that every failure of the disk is seen and named here.
-std::vector<unsigned char> encode(const std::string& path, const OIIO::ImageSpec& spec, OIIO::TypeDesc type,
-                                  const void* pixels) {
+std::vector<unsigned char> encode(const std::string& path, const OIIO::ImageSpec& spec,
+                                  OIIO::TypeDesc type, const void* pixels) {
   const auto output = OIIO::ImageOutput::create(path);
   if (!output) fail("write", path, OIIO::geterror());
   OIIO::Filesystem::IOVecOutput memory;
@@ -89,7 +90,8 @@ void write_image(const std::string& path, const Image& image, const FilmFrame& f
     std::vector<unsigned char> bytes;
     bytes.reserve(image.pixels.size() * 3);
     for (const Rgb& c : image.pixels)
-      for (int i = 0; i < 3; ++i) bytes.push_back(static_cast<unsigned char>(to_srgb(c[i]) * 255.f + 0.5f));
+      for (int i = 0; i < 3; ++i)
+        bytes.push_back(static_cast<unsigned char>(to_srgb(c[i]) * 255.f + 0.5f));
     OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
     write_file(path, encode(path, spec, OIIO::TypeDesc::UINT8, bytes.data()));
@@ -106,14 +108,16 @@ Image read_image(const std::string& path) {
   if (!input) fail("read", path, OIIO::geterror());
   const OIIO::ImageSpec& spec = input->spec();
   const int channels = spec.nchannels;
-  if (spec.width < 1 || spec.height < 1 || spec.depth != 1 || channels < 1) fail("read", path, "it holds no picture");
+  if (spec.width < 1 || spec.height < 1 || spec.depth != 1 || channels < 1)
+    fail("read", path, "it holds no picture");
 
   std::array<int, 3> source{};
   for (int i = 0; i < 3; ++i) {
     const auto named = spec.channelindex(std::string(1, "RGB"[i]));
     source[static_cast<std::size_t>(i)] = named >= 0 ? named : channels >= 3 ? i : 0;  // else grey
   }
-  const auto width = static_cast<std::size_t>(spec.width), height = static_cast<std::size_t>(spec.height);
+  const auto width = static_cast<std::size_t>(spec.width),
+             height = static_cast<std::size_t>(spec.height);
   std::vector<float> values(width * height * static_cast<std::size_t>(channels));
   if (!input->read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, values.data()))
     fail("read", path, input->geterror());
@@ -121,7 +125,8 @@ Image read_image(const std::string& path) {
                         ? false
                         : spec.get_string_attribute("oiio:ColorSpace", "sRGB") != "Linear";
 
-  Image out{static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), std::vector<Rgb>(width * height)};
+  Image out{static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height),
+            std::vector<Rgb>(width * height)};
   for (std::size_t p = 0; p < out.pixels.size(); ++p)
     for (int i = 0; i < 3; ++i) {
       const float v = values[p * static_cast<std::size_t>(channels) +

@@ -7,7 +7,8 @@
 namespace cloudrenderer {
 namespace {
 
-// What a light below the horizon of the shading normal still gets: bump maps and interpolated normals let it count.
+// What a light below the horizon of the shading normal still gets: bump maps and interpolated
+// normals let it count.
 constexpr float kBelowHorizon = 0.05f;
 // Keeps sums finite next to a point light.
 constexpr float kLargest = 1e30f;
@@ -30,9 +31,11 @@ float importance(const EmitterBounds& b, const Vec3& p, const Vec3& n) {
   const Vec3 w = b.center - p;
   const float d2 = glm::dot(w, w), r2 = b.radius * b.radius;
   const float inverse = 1.f / std::sqrt(std::max(d2, 1e-30f));
-  // The sine of the angle that the bounding sphere may add, as an upper bound: cos(a - b) <= cos a + sin b.
+  // The sine of the angle that the bounding sphere may add, as an upper bound: cos(a - b) <= cos a
+  // + sin b.
   const float slack = d2 > r2 ? b.radius * inverse : 1.f;
-  // From inside its sphere a single emitter gives at most what it gives at the rim. Of a cluster some are near.
+  // From inside its sphere a single emitter gives at most what it gives at the rim. Of a cluster
+  // some are near.
   const float nearest2 = b.shape == EmitterShape::cone ? 0.25f * r2 : r2;
   float value = b.strength;
   if (side) value *= std::clamp(glm::dot(n, w) * inverse + slack, kBelowHorizon, 1.f);
@@ -49,8 +52,10 @@ float importance(const EmitterBounds& b, const Vec3& p, const Vec3& n) {
       default: {
         if (slack >= 1.f || b.cos_spread <= -1.f) break;
         const float clamped = std::clamp(c, -1.f, 1.f);
-        const float off_spread = cos_difference(clamped, sine(clamped), b.cos_spread, sine(b.cos_spread));
-        const float off = cos_difference(off_spread, sine(off_spread), std::sqrt(1.f - slack * slack), slack);
+        const float off_spread =
+            cos_difference(clamped, sine(clamped), b.cos_spread, sine(b.cos_spread));
+        const float off =
+            cos_difference(off_spread, sine(off_spread), std::sqrt(1.f - slack * slack), slack);
         if (off + 1e-5f < b.cos_emission) return 0.f;
         value *= std::clamp(off, 0.01f, 1.f);
       }
@@ -64,7 +69,8 @@ LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
   const auto at_infinity = [](const EmitterBounds& b) {
     return b.shape == EmitterShape::distant || b.shape == EmitterShape::everywhere;
   };
-  const auto unplaced = static_cast<std::size_t>(std::count_if(emitters.begin(), emitters.end(), at_infinity));
+  const auto unplaced =
+      static_cast<std::size_t>(std::count_if(emitters.begin(), emitters.end(), at_infinity));
   const bool list_all = emitters.size() <= kListed;
   const bool list_unplaced = list_all || unplaced < kListed;
 
@@ -90,12 +96,14 @@ LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
   }
   if (!placed.empty()) {
     tree_ = LightTree(placed);
-    for (const std::uint32_t i : tree_emitters_) places_[i].item = static_cast<std::uint32_t>(items_.size());
+    for (const std::uint32_t i : tree_emitters_)
+      places_[i].item = static_cast<std::uint32_t>(items_.size());
     items_.push_back({tree_.root(), ItemKind::tree, 0});
   }
   if (!strengths.empty()) {
     group_ = Distribution1D(strengths);
-    for (const std::uint32_t i : group_emitters_) places_[i].item = static_cast<std::uint32_t>(items_.size());
+    for (const std::uint32_t i : group_emitters_)
+      places_[i].item = static_cast<std::uint32_t>(items_.size());
     items_.push_back({group, ItemKind::group, 0});
   }
 }
@@ -103,7 +111,8 @@ LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
 std::int64_t LightChoice::sample_many(const Vec3& p, const Vec3& n, float u, float& chance) const {
   std::array<float, kListed> weights;
   float total = 0;
-  for (std::size_t i = 0; i < items_.size(); ++i) total += weights[i] = importance(items_[i].bounds, p, n);
+  for (std::size_t i = 0; i < items_.size(); ++i)
+    total += weights[i] = importance(items_[i].bounds, p, n);
   if (!(total > 0.f)) return -1;
   float rest = u * total;
   std::size_t chosen = items_.size();
@@ -140,9 +149,12 @@ float LightChoice::chance_many(std::uint32_t emitter, const Vec3& p, const Vec3&
   if (!(own > 0.f)) return 0.f;
   const float chosen = own / total;
   switch (items_[place.item].kind) {
-    case ItemKind::tree: return chosen * tree_.chance(place.inside, p, n);
-    case ItemKind::group: return chosen * group_.cell_probability(place.inside);
-    default: return chosen;
+    case ItemKind::tree:
+      return chosen * tree_.chance(place.inside, p, n);
+    case ItemKind::group:
+      return chosen * group_.cell_probability(place.inside);
+    default:
+      return chosen;
   }
 }
 

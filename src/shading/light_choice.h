@@ -10,31 +10,34 @@
 namespace cloudrenderer {
 
 enum class EmitterShape : std::uint8_t {
-  omni,              // somewhere in the sphere, emits in all directions
-  planar,            // flat, emits to the side of axis, by the cosine
+  omni,    // somewhere in the sphere, emits in all directions
+  planar,  // flat, emits to the side of axis, by the cosine
   planar_two_sided,
-  cone,              // directions within spread + emission of the axis
-  distant,           // axis points towards it, everywhere in the scene
-  everywhere         // from all directions
+  cone,       // directions within spread + emission of the axis
+  distant,    // axis points towards it, everywhere in the scene
+  everywhere  // from all directions
 };
 
-// Where an emitter (or a group of them) is, where it emits to, and how strongly: enough for an estimate of the
-// irradiance that it gives without obstacles, which is never 0 where there is some.
+// Where an emitter (or a group of them) is, where it emits to, and how strongly: enough for an
+// estimate of the irradiance that it gives without obstacles, which is never 0 where there is some.
 struct EmitterBounds {
   Vec3 center{};
   float radius = 0;
   Vec3 axis{};
-  float strength = 0;       // radiant intensity at its best, mean of the channels; at infinity: irradiance
+  float strength =
+      0;  // radiant intensity at its best, mean of the channels; at infinity: irradiance
   float cos_spread = -1;    // cone: half angle that holds the normals ...
   float cos_emission = -1;  // ... and how far each emits off its normal
   EmitterShape shape = EmitterShape::omni;
 };
 
-// n: see Lights::sample. Zero only if nothing arrives; below the horizon of n a small value is left.
+// n: see Lights::sample. Zero only if nothing arrives; below the horizon of n a small value is
+// left.
 float importance(const EmitterBounds& b, const Vec3& p, const Vec3& n);
 
-// A binary tree over emitters with a place, followed from the root by the children's importance (Conty Estevez and
-// Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting", without the splitting).
+// A binary tree over emitters with a place, followed from the root by the children's importance
+// (Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting",
+// without the splitting).
 class LightTree {
  public:
   LightTree() = default;
@@ -44,12 +47,15 @@ class LightTree {
   // The number of an emitter, or -1 when nothing arrives; multiplies `chance`.
   std::int64_t sample(const Vec3& p, const Vec3& n, float u, float& chance) const;
   float chance(std::uint32_t emitter, const Vec3& p, const Vec3& n) const;
-  std::uint64_t bytes() const { return nodes_.size() * sizeof(Node) + trails_.size() * sizeof(std::uint64_t); }
+  std::uint64_t bytes() const {
+    return nodes_.size() * sizeof(Node) + trails_.size() * sizeof(std::uint64_t);
+  }
 
  private:
   struct Node {
     EmitterBounds bounds;
-    std::uint32_t next = 0;  // leaf: the emitter; else the second child (the first one follows its parent)
+    std::uint32_t next =
+        0;  // leaf: the emitter; else the second child (the first one follows its parent)
     bool leaf = false;
   };
   struct Builder;
@@ -57,8 +63,9 @@ class LightTree {
   std::vector<std::uint64_t> trails_;  // of each emitter: bit d is its way at depth d
 };
 
-// Up to kListed emitters are weighed one by one; beyond that those with a place go into a tree, those without (if
-// there are still too many) into one group chosen by strength alone. Pure functions of (p, n, u).
+// Up to kListed emitters are weighed one by one; beyond that those with a place go into a tree,
+// those without (if there are still too many) into one group chosen by strength alone. Pure
+// functions of (p, n, u).
 class LightChoice {
  public:
   static constexpr std::size_t kListed = 16;

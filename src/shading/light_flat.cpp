@@ -4,8 +4,9 @@
 
 namespace cloudrenderer {
 
-std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0, const Vec3& edge1,
-                                          const Vec3& normal, const Rgb& radiance, bool two_sided) {
+std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0,
+                                          const Vec3& edge1, const Vec3& normal,
+                                          const Rgb& radiance, bool two_sided) {
   const bool triangle = kind == EmitterKind::triangle;
   const float area = glm::length(glm::cross(edge0, edge1)) * (triangle ? 0.5f : 1.f);
   if (!(area > 0.f && area < kInfinity && 1.f / area < kInfinity)) return std::nullopt;

@@ -33,13 +33,15 @@ InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings) {
   if (!desc.light_to_world.is_invertible() || !std::isfinite(inverse_volume_))
     throw SceneError{desc.location, "the light's transformation cannot be inverted"};
   mean_ = constant_;
-  if (const std::string path = desc.params.string("mapname", ""); !path.empty()) read_map(desc, path, warnings);
+  if (const std::string path = desc.params.string("mapname", ""); !path.empty())
+    read_map(desc, path, warnings);
   if (has_map()) prepare_sampling();
 }
 
 void InfiniteLight::read_map(const LightDesc& desc, const std::string& path, Warnings& warnings) {
   const auto give_up = [&](const std::string& why) {
-    warnings.add(desc.location, "the map " + path + " cannot be read (" + why + "), the light is constant");
+    warnings.add(desc.location,
+                 "the map " + path + " cannot be read (" + why + "), the light is constant");
   };
   const auto input = OIIO::ImageInput::open(path);
   if (!input) return give_up(OIIO::geterror());
@@ -62,17 +64,21 @@ void InfiniteLight::read_map(const LightDesc& desc, const std::string& path, War
   std::size_t bad = 0;
   for (std::size_t p = 0; p < count; ++p) {
     for (std::size_t i = 0; i < 3; ++i)
-      texels_[p][static_cast<int>(i)] = values[p * channels + source[i]] * constant_[static_cast<int>(i)];
+      texels_[p][static_cast<int>(i)] =
+          values[p * channels + source[i]] * constant_[static_cast<int>(i)];
     if (!is_finite(texels_[p])) {
       texels_[p] = Rgb(0.f);
       ++bad;
     }
   }
-  if (bad != 0) warnings.add(desc.location, path + ": " + std::to_string(bad) + " texels are not finite, black is used");
+  if (bad != 0)
+    warnings.add(desc.location,
+                 path + ": " + std::to_string(bad) + " texels are not finite, black is used");
 }
 
-// The table's cells hold the map as it is looked up: a texel spreads over its neighbours by bilinear filtering, with
-// weights 1/8, 3/4, 1/8 on each axis, so that no direction with light has a density of 0.
+// The table's cells hold the map as it is looked up: a texel spreads over its neighbours by
+// bilinear filtering, with weights 1/8, 3/4, 1/8 on each axis, so that no direction with light has
+// a density of 0.
 void InfiniteLight::prepare_sampling() {
   const auto w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
   const std::size_t columns = std::min(w, kMaxCells), rows = std::min(h, kMaxCells / 2);
@@ -88,15 +94,18 @@ void InfiniteLight::prepare_sampling() {
     const std::size_t y0 = row * h / rows, y1 = std::max(y0 + 1, ((row + 1) * h + rows - 1) / rows);
     std::fill(sum.begin(), sum.end(), 0.0);
     for (std::size_t y = y0; y < y1; ++y) {
-      const double sine = portable::sin(kPiDouble * (static_cast<double>(y) + 0.5) / static_cast<double>(h));
+      const double sine =
+          portable::sin(kPiDouble * (static_cast<double>(y) + 0.5) / static_cast<double>(h));
       std::fill(line.begin(), line.end(), 0.f);
       texel_row(y == 0 ? h - 1 : y - 1, 0.125f);
       texel_row(y, 0.75f);
       texel_row(y + 1 == h ? 0 : y + 1, 0.125f);
       for (std::size_t x = 0; x < w; ++x)
-        spread[x] = 0.125f * (line[x == 0 ? w - 1 : x - 1] + line[x + 1 == w ? 0 : x + 1]) + 0.75f * line[x];
+        spread[x] = 0.125f * (line[x == 0 ? w - 1 : x - 1] + line[x + 1 == w ? 0 : x + 1]) +
+                    0.75f * line[x];
       for (std::size_t c = 0; c < columns; ++c) {
-        const std::size_t x0 = c * w / columns, x1 = std::max(x0 + 1, ((c + 1) * w + columns - 1) / columns);
+        const std::size_t x0 = c * w / columns,
+                          x1 = std::max(x0 + 1, ((c + 1) * w + columns - 1) / columns);
         double s = 0;
         for (std::size_t x = x0; x < x1; ++x) s += static_cast<double>(spread[x]);
         sum[c] += sine * s / static_cast<double>(x1 - x0);
@@ -106,7 +115,8 @@ void InfiniteLight::prepare_sampling() {
       cells[row * columns + c] = static_cast<float>(sum[c] / static_cast<double>(y1 - y0));
   }
   for (std::size_t y = 0; y < h; ++y) {
-    const double sine = portable::sin(kPiDouble * (static_cast<double>(y) + 0.5) / static_cast<double>(h));
+    const double sine =
+        portable::sin(kPiDouble * (static_cast<double>(y) + 0.5) / static_cast<double>(h));
     for (std::size_t x = 0; x < w; ++x) total += sine * glm::dvec3(texels_[y * w + x]);
     total_weight += sine * static_cast<double>(w);
   }
@@ -129,12 +139,14 @@ InfiniteLight::MapPoint InfiniteLight::map_point(const Vec3& direction) const {
 }
 
 Rgb InfiniteLight::lookup(const Vec2& uv) const {
-  const float s = uv.x * static_cast<float>(width_) - 0.5f, t = uv.y * static_cast<float>(height_) - 0.5f;
+  const float s = uv.x * static_cast<float>(width_) - 0.5f,
+              t = uv.y * static_cast<float>(height_) - 0.5f;
   const float s0 = std::floor(s), t0 = std::floor(t), ds = s - s0, dt = t - t0;
   const int x0 = wrap(static_cast<int>(s0), width_), x1 = x0 + 1 == width_ ? 0 : x0 + 1;
   const int y0 = wrap(static_cast<int>(t0), height_), y1 = y0 + 1 == height_ ? 0 : y0 + 1;
   const auto texel = [&](int x, int y) {
-    return texels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x)];
+    return texels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+                   static_cast<std::size_t>(x)];
   };
   return (texel(x0, y0) * (1.f - ds) + texel(x1, y0) * ds) * (1.f - dt) +
          (texel(x0, y1) * (1.f - ds) + texel(x1, y1) * ds) * dt;
@@ -149,7 +161,8 @@ Rgb InfiniteLight::radiance(const Vec3& direction) const {
   return has_map() ? lookup(map_point(direction).uv) : constant_;
 }
 
-bool InfiniteLight::sample(const Vec3& n, const Vec2& u, Vec3& direction, float& pdf, Rgb& radiance) const {
+bool InfiniteLight::sample(const Vec3& n, const Vec2& u, Vec3& direction, float& pdf,
+                           Rgb& radiance) const {
   if (!has_map()) {
     radiance = constant_;
     if (n == Vec3(0.f)) {

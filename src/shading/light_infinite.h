@@ -7,8 +7,9 @@
 
 namespace cloudrenderer {
 
-// LightSource "infinite": radiance from all directions, constant or from a latitude-longitude map (z is up, u runs
-// with the azimuth from x to y, v from +z down), bilinear and repeating as pbrt's level 0. Private to the lights.
+// LightSource "infinite": radiance from all directions, constant or from a latitude-longitude map
+// (z is up, u runs with the azimuth from x to y, v from +z down), bilinear and repeating as pbrt's
+// level 0. Private to the lights.
 class InfiniteLight {
  public:
   // A map that cannot be read is a warning, and the light is constant, as in pbrt.
@@ -16,7 +17,8 @@ class InfiniteLight {
 
   const Rgb& mean() const { return mean_; }  // over the sphere
   Rgb radiance(const Vec3& direction) const;
-  // n: normal at the point, or zero. Constant lights are sampled by the cosine to n, maps by their luminance.
+  // n: normal at the point, or zero. Constant lights are sampled by the cosine to n, maps by their
+  // luminance.
   bool sample(const Vec3& n, const Vec2& u, Vec3& direction, float& pdf, Rgb& radiance) const;
   float pdf(const Vec3& n, const Vec3& direction) const;
   // Both of a direction in one pass.

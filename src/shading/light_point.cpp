@@ -15,7 +15,8 @@ Rgb scaled(const LightDesc& desc, const char* name) {
 Vec3 unit(const LightDesc& desc, const Vec3& v) {
   const float length = glm::length(v);
   if (!(length > 0.f && length < kInfinity))
-    throw SceneError{desc.location, "the light needs a direction: `from` and `to` must be different points"};
+    throw SceneError{desc.location,
+                     "the light needs a direction: `from` and `to` must be different points"};
   return v / length;
 }
 
@@ -63,15 +64,17 @@ std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone)
   Emitter& e = out.emitter;
   e.kind = EmitterKind::spot;
   e.radiance = scaled(desc, "I");
-  const Vec3 from = desc.params.point3("from", Vec3(0.f)), to = desc.params.point3("to", Vec3(0, 0, 1));
-  const float angle = desc.params.real("coneangle", 30.f), delta = desc.params.real("conedeltaangle", 5.f);
+  const Vec3 from = desc.params.point3("from", Vec3(0.f)),
+             to = desc.params.point3("to", Vec3(0, 0, 1));
+  const float angle = desc.params.real("coneangle", 30.f),
+              delta = desc.params.real("conedeltaangle", 5.f);
   const Vec3 direction = unit(desc, to - from);
   e.position = desc.light_to_world.point(from);
   e.axis = unit(desc, desc.light_to_world.vector(direction));
   // The cone is measured in the light's space, where its axis is z.
   const Frame frame(direction);
-  cone.world_to_light =
-      glm::transpose(glm::mat3(frame.s, frame.t, frame.n)) * glm::mat3(desc.light_to_world.inverse_matrix());
+  cone.world_to_light = glm::transpose(glm::mat3(frame.s, frame.t, frame.n)) *
+                        glm::mat3(desc.light_to_world.inverse_matrix());
   cone.cos_total = portable::cos(angle * (kPi / 180));
   cone.cos_start = portable::cos((angle - delta) * (kPi / 180));
 
@@ -109,7 +112,8 @@ std::optional<EmitterAndBounds> make_distant(const LightDesc& desc) {
   Emitter& e = out.emitter;
   e.kind = EmitterKind::distant;
   e.radiance = scaled(desc, "L");
-  const Vec3 from = desc.params.point3("from", Vec3(0.f)), to = desc.params.point3("to", Vec3(0, 0, 1));
+  const Vec3 from = desc.params.point3("from", Vec3(0.f)),
+             to = desc.params.point3("to", Vec3(0, 0, 1));
   e.axis = unit(desc, desc.light_to_world.vector(from - to));
   out.bounds.shape = EmitterShape::distant;
   out.bounds.axis = e.axis;

@@ -7,8 +7,9 @@
 namespace cloudrenderer {
 namespace {
 
-// The cone of directions in which a sphere is seen from outside. 1 - cos is kept instead of cos, so that a sphere of
-// 1e-9 steradian still has a cone, and that of a sphere that is touched is a half space.
+// The cone of directions in which a sphere is seen from outside. 1 - cos is kept instead of cos, so
+// that a sphere of 1e-9 steradian still has a cone, and that of a sphere that is touched is a half
+// space.
 struct VisibleCone {
   float one_minus_cos = 0;
   VisibleCone(float radius2, float distance2) {
@@ -18,8 +19,10 @@ struct VisibleCone {
   float pdf() const { return one_minus_cos > 1e-35f ? 1.f / (2 * kPi * one_minus_cos) : 0.f; }
 };
 
-// A direction of the cone around the unit vector `axis`; sin2 is the squared sine of its angle to the axis.
-Vec3 sample_cone(const VisibleCone& cone, const Vec3& axis, const Vec2& u, float& cosine, float& sin2) {
+// A direction of the cone around the unit vector `axis`; sin2 is the squared sine of its angle to
+// the axis.
+Vec3 sample_cone(const VisibleCone& cone, const Vec3& axis, const Vec2& u, float& cosine,
+                 float& sin2) {
   const float x = u.x * cone.one_minus_cos;
   cosine = 1.f - x;
   sin2 = x * (2.f - x);
@@ -38,17 +41,19 @@ bool is_whole(const Quadric& q) {
 bool is_similarity(const glm::mat3& m) {
   const float x = glm::dot(m[0], m[0]), y = glm::dot(m[1], m[1]), z = glm::dot(m[2], m[2]);
   const float tolerance = 1e-5f * x;
-  return std::fabs(x - y) < tolerance && std::fabs(x - z) < tolerance && std::fabs(glm::dot(m[0], m[1])) < tolerance &&
+  return std::fabs(x - y) < tolerance && std::fabs(x - z) < tolerance &&
+         std::fabs(glm::dot(m[0], m[1])) < tolerance &&
          std::fabs(glm::dot(m[0], m[2])) < tolerance && std::fabs(glm::dot(m[1], m[2])) < tolerance;
 }
 
 }  // namespace
 
-std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance, bool two_sided,
-                                             EmissiveQuadric& record) {
+std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance,
+                                             bool two_sided, EmissiveQuadric& record) {
   Vec3 p, n;
   float density;
-  if (!sample_area(q, flip, Vec2(0.5f), p, n, density) || !(density > 0.f && density < kInfinity)) return std::nullopt;
+  if (!sample_area(q, flip, Vec2(0.5f), p, n, density) || !(density > 0.f && density < kInfinity))
+    return std::nullopt;
   record.quadric = q;
   record.flip = flip;
   record.to_world = glm::mat3(q.object_to_world.matrix());
@@ -121,7 +126,8 @@ float sphere_pdf(const Emitter& e, const Vec3& p) {
   return d2 > e.radius2 ? VisibleCone(e.radius2, d2).pdf() : kUniformPdf;
 }
 
-bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u, LightSample& out) {
+bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u,
+                        LightSample& out) {
   const Vec3 w = q.to_object * (q.offset - p);  // towards the centre, in object space
   const float d2 = glm::dot(w, w), r2 = q.quadric.radius * q.quadric.radius;
   Vec3 direction;
@@ -139,7 +145,8 @@ bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& 
   out.wi = world / stretch;
   out.pdf = pdf * stretch * stretch * stretch * q.inverse_volume;
   if (!(out.pdf > 0.f && out.pdf < kInfinity) || !is_finite(out.wi)) return false;
-  // The first point on the surface as it is. Starting on the surface itself must not find that same point.
+  // The first point on the surface as it is. Starting on the surface itself must not find that same
+  // point.
   QuadricHit hit;
   const float scale = std::sqrt(d2) * stretch;
   if (!intersect(q.quadric, p, out.wi, 1e-5f * scale, kInfinity, hit)) return false;
@@ -155,10 +162,12 @@ float sphere_part_pdf(const EmissiveQuadric& q, const Vec3& p, const Vec3& direc
   const Vec3 w = q.to_object * (q.offset - p);
   const float d2 = glm::dot(w, w), r2 = q.quadric.radius * q.quadric.radius;
   const float stretch = 1.f / glm::length(q.to_object * direction);
-  return (d2 > r2 ? VisibleCone(r2, d2).pdf() : kUniformPdf) * stretch * stretch * stretch * q.inverse_volume;
+  return (d2 > r2 ? VisibleCone(r2, d2).pdf() : kUniformPdf) * stretch * stretch * stretch *
+         q.inverse_volume;
 }
 
-bool sample_quadric(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u, LightSample& out) {
+bool sample_quadric(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u,
+                    LightSample& out) {
   Vec3 point, normal;
   float density;
   if (!sample_area(q.quadric, q.flip, u, point, normal, density)) return false;

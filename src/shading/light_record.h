@@ -10,43 +10,50 @@
 namespace cloudrenderer {
 
 enum class EmitterKind : std::uint8_t {
-  point, spot, distant, infinite,
-  triangle, parallelogram,  // by area
-  sphere,                   // whole, not distorted: by the visible cone
-  sphere_part,              // clipped or distorted: by the visible cone of the whole sphere in object space
-  quadric                   // disk, cylinder: by area
+  point,
+  spot,
+  distant,
+  infinite,
+  triangle,
+  parallelogram,  // by area
+  sphere,         // whole, not distorted: by the visible cone
+  sphere_part,    // clipped or distorted: by the visible cone of the whole sphere in object space
+  quadric         // disk, cylinder: by area
 };
 
-// The smallest thing that is chosen: a light of the scene, or one triangle (or parallelogram) of an emissive mesh.
+// The smallest thing that is chosen: a light of the scene, or one triangle (or parallelogram) of an
+// emissive mesh.
 struct Emitter {
   EmitterKind kind = EmitterKind::point;
   bool two_sided = false;
-  bool outward = true;       // sphere: the outside emits
-  std::uint32_t index = 0;   // of its spot cone, infinite light or quadric
-  Rgb radiance{0};           // or intensity
-  Vec3 position{};           // or centre, or corner
-  Vec3 edge0{}, edge1{};     // of triangles and parallelograms
-  Vec3 axis{};               // unit: normal of the emitting side; towards a distant light
-  float area_pdf = 0;        // 1 / area
-  float radius2 = 0;         // of the sphere
+  bool outward = true;      // sphere: the outside emits
+  std::uint32_t index = 0;  // of its spot cone, infinite light or quadric
+  Rgb radiance{0};          // or intensity
+  Vec3 position{};          // or centre, or corner
+  Vec3 edge0{}, edge1{};    // of triangles and parallelograms
+  Vec3 axis{};              // unit: normal of the emitting side; towards a distant light
+  float area_pdf = 0;       // 1 / area
+  float radius2 = 0;        // of the sphere
 };
 
 struct SpotCone {
   glm::mat3 world_to_light{1.f};
-  float cos_total = 0, cos_start = 0;  // no light outside of the first, all of it inside of the second
+  float cos_total = 0,
+        cos_start = 0;  // no light outside of the first, all of it inside of the second
 };
 
 struct EmissiveQuadric {
   Quadric quadric;
   bool flip = false;
   glm::mat3 to_world{1.f}, to_object{1.f};
-  Vec3 offset{};              // world position of the object's origin
-  float inverse_volume = 1;   // 1 / |det to_world|
+  Vec3 offset{};             // world position of the object's origin
+  float inverse_volume = 1;  // 1 / |det to_world|
 };
 
 inline float average(const Rgb& c) { return (c.x + c.y + c.z) * (1.f / 3.f); }
 
-// One density for all of a scene's emitters with a point on them: from area to solid angle; 0 seen edge-on.
+// One density for all of a scene's emitters with a point on them: from area to solid angle; 0 seen
+// edge-on.
 inline float solid_angle_pdf(float area_pdf, float distance2, float cosine) {
   return cosine > 1e-7f ? area_pdf * distance2 / cosine : 0.f;
 }
@@ -56,7 +63,8 @@ struct EmitterAndBounds {
   EmitterBounds bounds;
 };
 
-// LightSource directives; each looks up all parameters of its kind. Nothing for a light that gives no light.
+// LightSource directives; each looks up all parameters of its kind. Nothing for a light that gives
+// no light.
 std::optional<EmitterAndBounds> make_point(const LightDesc& desc);
 std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone);
 std::optional<EmitterAndBounds> make_distant(const LightDesc& desc);
@@ -65,24 +73,30 @@ bool sample_point(const Emitter& e, const Vec3& p, LightSample& out);
 bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSample& out);
 bool sample_distant(const Emitter& e, LightSample& out);
 
-// Corner and two edges; `normal` is the emitting side. Nothing where the area is no positive number.
-std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0, const Vec3& edge1,
-                                          const Vec3& normal, const Rgb& radiance, bool two_sided);
+// Corner and two edges; `normal` is the emitting side. Nothing where the area is no positive
+// number.
+std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0,
+                                          const Vec3& edge1, const Vec3& normal,
+                                          const Rgb& radiance, bool two_sided);
 bool sample_flat(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out);
 inline float flat_pdf(const Emitter& e, const Vec3& direction, float t) {
   return solid_angle_pdf(e.area_pdf, t * t, std::fabs(glm::dot(e.axis, direction)));
 }
 
 // Nothing for kinds that cannot be sampled.
-std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance, bool two_sided,
-                                             EmissiveQuadric& record);
+std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance,
+                                             bool two_sided, EmissiveQuadric& record);
 bool sample_sphere(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out);
 float sphere_pdf(const Emitter& e, const Vec3& p);
-bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u, LightSample& out);
+bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u,
+                        LightSample& out);
 float sphere_part_pdf(const EmissiveQuadric& q, const Vec3& p, const Vec3& direction);
-bool sample_quadric(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u, LightSample& out);
-inline float quadric_pdf(const EmissiveQuadric& q, const Vec3& direction, float t, const Vec3& normal) {
-  return solid_angle_pdf(area_pdf(q.quadric, normal), t * t, std::fabs(glm::dot(normal, direction)));
+bool sample_quadric(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u,
+                    LightSample& out);
+inline float quadric_pdf(const EmissiveQuadric& q, const Vec3& direction, float t,
+                         const Vec3& normal) {
+  return solid_angle_pdf(area_pdf(q.quadric, normal), t * t,
+                         std::fabs(glm::dot(normal, direction)));
 }
 
 }  // namespace cloudrenderer

@@ -9,7 +9,8 @@
 namespace cloudrenderer {
 namespace {
 
-// Normals within `spread` of the axis, emission within `emission` of each normal; angles in radians.
+// Normals within `spread` of the axis, emission within `emission` of each normal; angles in
+// radians.
 struct Directions {
   Vec3 axis{0, 0, 1};
   float spread = -1;  // below 0: empty
@@ -49,13 +50,18 @@ Directions merge(const Directions& x, const Directions& y) {
 
 Directions directions_of(const EmitterBounds& b) {
   switch (b.shape) {
-    case EmitterShape::planar: return {b.axis, 0.f, kPi / 2};
-    case EmitterShape::cone: return {b.axis, portable::acos(b.cos_spread), portable::acos(b.cos_emission)};
-    default: return {{0, 0, 1}, kPi, kPi / 2};
+    case EmitterShape::planar:
+      return {b.axis, 0.f, kPi / 2};
+    case EmitterShape::cone:
+      return {b.axis, portable::acos(b.cos_spread), portable::acos(b.cos_emission)};
+    default:
+      return {{0, 0, 1}, kPi, kPi / 2};
   }
 }
 
-Bounds3 box_of(const EmitterBounds& b) { return {b.center - Vec3(b.radius), b.center + Vec3(b.radius)}; }
+Bounds3 box_of(const EmitterBounds& b) {
+  return {b.center - Vec3(b.radius), b.center + Vec3(b.radius)};
+}
 
 Cluster merge(const Cluster& a, const Cluster& b) {
   Cluster out{a.box, merge(a.directions, b.directions), a.strength + b.strength};
@@ -95,7 +101,8 @@ float cost(const Cluster& c) {
 
 struct LightTree::Builder {
   static constexpr int kBuckets = 12;
-  static constexpr int kMedianFrom = 30;  // depth from which halves have equal counts: trails have 64 bits
+  static constexpr int kMedianFrom =
+      30;  // depth from which halves have equal counts: trails have 64 bits
 
   LightTree& tree;
   std::span<const EmitterBounds> emitters;
@@ -165,12 +172,14 @@ struct LightTree::Builder {
     const auto from = order.begin() + static_cast<std::ptrdiff_t>(begin);
     const auto to = order.begin() + static_cast<std::ptrdiff_t>(end);
     if (best_axis >= 0) {
-      const auto middle =
-          std::stable_partition(from, to, [&](std::uint32_t e) { return bucket(e, best_axis) <= best_bucket; });
+      const auto middle = std::stable_partition(
+          from, to, [&](std::uint32_t e) { return bucket(e, best_axis) <= best_bucket; });
       return static_cast<std::size_t>(middle - order.begin());
     }
     const auto middle = from + (to - from) / 2;
-    const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
+    const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0
+                     : extent.y >= extent.z                       ? 1
+                                                                  : 2;
     std::nth_element(from, middle, to, [&](std::uint32_t a, std::uint32_t b) {
       const float ca = emitters[a].center[axis], cb = emitters[b].center[axis];
       return ca < cb || (ca == cb && a < b);
@@ -191,7 +200,8 @@ std::int64_t LightTree::sample(const Vec3& p, const Vec3& n, float u, float& cha
   std::uint32_t at = 0;
   while (!nodes_[at].leaf) {
     const std::uint32_t second = nodes_[at].next;
-    const float a = importance(nodes_[at + 1].bounds, p, n), b = importance(nodes_[second].bounds, p, n);
+    const float a = importance(nodes_[at + 1].bounds, p, n),
+                b = importance(nodes_[second].bounds, p, n);
     if (!(a + b > 0.f)) return -1;
     const float share = a / (a + b);
     if (u < share) {
@@ -214,7 +224,8 @@ float LightTree::chance(std::uint32_t emitter, const Vec3& p, const Vec3& n) con
   std::uint32_t at = 0;
   for (std::uint64_t trail = trails_[emitter]; !nodes_[at].leaf; trail >>= 1) {
     const std::uint32_t second = nodes_[at].next;
-    const float a = importance(nodes_[at + 1].bounds, p, n), b = importance(nodes_[second].bounds, p, n);
+    const float a = importance(nodes_[at + 1].bounds, p, n),
+                b = importance(nodes_[second].bounds, p, n);
     if (!(a + b > 0.f)) return 0.f;
     out *= (trail & 1 ? b : a) / (a + b);
     at = trail & 1 ? second : at + 1;

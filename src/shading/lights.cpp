@@ -18,8 +18,8 @@ struct Emission {
 
 class SceneLights final : public Lights {
  public:
-  SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights, const Part& part,
-              Warnings& warnings) {
+  SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
+              const Part& part, Warnings& warnings) {
     for (const LightDesc& desc : scene.lights) add_light(desc, warnings);
     add_emissions(scene, shape_lights, warnings);
     add_shapes(part, scene.dialect);
@@ -30,13 +30,16 @@ class SceneLights final : public Lights {
   bool empty() const override { return emitters_.empty() && !emits_; }
   bool has_infinite() const override { return !infinite_.empty(); }
   std::uint64_t bytes() const override {
-    std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() + quadrics_.size() * sizeof(EmissiveQuadric) +
-                      by_primitive_.size() * sizeof(std::uint32_t) + emissions_.size() * sizeof(Emission);
+    std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
+                      quadrics_.size() * sizeof(EmissiveQuadric) +
+                      by_primitive_.size() * sizeof(std::uint32_t) +
+                      emissions_.size() * sizeof(Emission);
     for (const InfiniteLight& light : infinite_) n += light.bytes();
     return n;
   }
 
-  bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u, LightSample& out) const override {
+  bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u,
+              LightSample& out) const override {
     if (emitters_.empty()) return false;
     float chance;
     const std::int64_t chosen = choice_.sample(p, n, u_light, chance);
@@ -68,13 +71,15 @@ class SceneLights final : public Lights {
     return sum;
   }
 
-  Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2&, const Vec3& direction) const override {
+  Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2&,
+              const Vec3& direction) const override {
     const Emission& e = emissions_[light];
     return e.two_sided || glm::dot(ng, direction) < 0.f ? e.radiance : Rgb(0.f);
   }
 
-  float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction, float t, const Vec3&,
-                    const Vec3& hit_ng, std::uint32_t primitive) const override {
+  float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction,
+                    float t, const Vec3&, const Vec3& hit_ng,
+                    std::uint32_t primitive) const override {
     const PrimitiveRange& range = ranges_[light];
     if (range.count == 0) return 0.f;
     // Quadrics have one entry, whatever their primitive number is.
@@ -84,12 +89,21 @@ class SceneLights final : public Lights {
     const Emitter& e = emitters_[number];
     float pdf = 0;
     switch (e.kind) {
-      case EmitterKind::sphere: pdf = sphere_pdf(e, p); break;
+      case EmitterKind::sphere:
+        pdf = sphere_pdf(e, p);
+        break;
       case EmitterKind::triangle:
-      case EmitterKind::parallelogram: pdf = flat_pdf(e, direction, t); break;
-      case EmitterKind::sphere_part: pdf = sphere_part_pdf(quadrics_[e.index], p, direction); break;
-      case EmitterKind::quadric: pdf = quadric_pdf(quadrics_[e.index], direction, t, hit_ng); break;
-      default: return 0.f;
+      case EmitterKind::parallelogram:
+        pdf = flat_pdf(e, direction, t);
+        break;
+      case EmitterKind::sphere_part:
+        pdf = sphere_part_pdf(quadrics_[e.index], p, direction);
+        break;
+      case EmitterKind::quadric:
+        pdf = quadric_pdf(quadrics_[e.index], direction, t, hit_ng);
+        break;
+      default:
+        return 0.f;
     }
     pdf *= choice_.chance(number, p, n);
     return pdf < kInfinity ? pdf : 0.f;
@@ -100,17 +114,25 @@ class SceneLights final : public Lights {
     std::uint32_t first = 0, count = 0;  // in by_primitive_
   };
 
-  bool sample_emitter(std::size_t number, const Vec3& p, const Vec3& n, const Vec2& u, LightSample& out) const {
+  bool sample_emitter(std::size_t number, const Vec3& p, const Vec3& n, const Vec2& u,
+                      LightSample& out) const {
     const Emitter& e = emitters_[number];
     switch (e.kind) {
-      case EmitterKind::sphere: return sample_sphere(e, p, u, out);
+      case EmitterKind::sphere:
+        return sample_sphere(e, p, u, out);
       case EmitterKind::triangle:
-      case EmitterKind::parallelogram: return sample_flat(e, p, u, out);
-      case EmitterKind::sphere_part: return sample_sphere_part(e, quadrics_[e.index], p, u, out);
-      case EmitterKind::quadric: return sample_quadric(e, quadrics_[e.index], p, u, out);
-      case EmitterKind::point: return sample_point(e, p, out);
-      case EmitterKind::spot: return sample_spot(e, spots_[e.index], p, out);
-      case EmitterKind::distant: return sample_distant(e, out);
+      case EmitterKind::parallelogram:
+        return sample_flat(e, p, u, out);
+      case EmitterKind::sphere_part:
+        return sample_sphere_part(e, quadrics_[e.index], p, u, out);
+      case EmitterKind::quadric:
+        return sample_quadric(e, quadrics_[e.index], p, u, out);
+      case EmitterKind::point:
+        return sample_point(e, p, out);
+      case EmitterKind::spot:
+        return sample_spot(e, spots_[e.index], p, out);
+      case EmitterKind::distant:
+        return sample_distant(e, out);
       case EmitterKind::infinite:
         out.distance = kInfinity;
         out.delta = false;
@@ -144,7 +166,8 @@ class SceneLights final : public Lights {
       e.emitter.kind = EmitterKind::infinite;
       e.emitter.index = static_cast<std::uint32_t>(infinite_.size());
       e.bounds.shape = EmitterShape::everywhere;
-      e.bounds.strength = kPi * average(light.mean());  // what it gives a surface that sees half of it
+      e.bounds.strength =
+          kPi * average(light.mean());  // what it gives a surface that sees half of it
       if (e.bounds.strength > 0.f) {
         infinite_.push_back(std::move(light));
         infinite_emitters_.push_back(add(e));
@@ -157,18 +180,21 @@ class SceneLights final : public Lights {
     desc.params.report_unused("LightSource \"" + desc.type + "\"", warnings);
   }
 
-  void add_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights, Warnings& warnings) {
+  void add_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
+                     Warnings& warnings) {
     std::vector<Emission> sources;
     for (const Entity& desc : scene.area_lights) {
       Emission e;
       if (desc.type == "diffuse" || desc.type == "area") {
         e.radiance = desc.params.rgb("L", Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
-        if (!is_finite(e.radiance)) throw SceneError{desc.location, "the light's radiance must be finite"};
+        if (!is_finite(e.radiance))
+          throw SceneError{desc.location, "the light's radiance must be finite"};
         for (const char* name : {"nsamples", "samples"}) desc.params.integer(name, 1);
         if (scene.dialect == Dialect::v3) e.two_sided = desc.params.boolean("twosided", false);
         desc.params.report_unused("AreaLightSource \"" + desc.type + "\"", warnings);
       } else {
-        warnings.add(desc.location, "area light \"" + desc.type + "\" is unknown and does not shine");
+        warnings.add(desc.location,
+                     "area light \"" + desc.type + "\" is unknown and does not shine");
       }
       sources.push_back(e);
     }
@@ -190,14 +216,17 @@ class SceneLights final : public Lights {
       total += range.count;
     }
     by_primitive_.assign(total, kNone);
-    // A texture that makes holes makes the light unfit for sampling by area; rays that hit it count in full.
+    // A texture that makes holes makes the light unfit for sampling by area; rays that hit it count
+    // in full.
     for (const MeshChunk& chunk : part.chunks)
-      if (chunk.light < emissions_.size() && chunk.alpha_texture == kNone) add_mesh(chunk, part, dialect);
+      if (chunk.light < emissions_.size() && chunk.alpha_texture == kNone)
+        add_mesh(chunk, part, dialect);
     for (const QuadricRecord& record : part.quadrics) {
       if (record.light >= emissions_.size() || record.alpha_texture != kNone) continue;
       const Emission& emission = emissions_[record.light];
       EmissiveQuadric quadric;
-      auto made = make_quadric(record.quadric, record.flip != 0, emission.radiance, emission.two_sided, quadric);
+      auto made = make_quadric(record.quadric, record.flip != 0, emission.radiance,
+                               emission.two_sided, quadric);
       if (!made || !(made->bounds.strength > 0.f)) continue;
       made->emitter.index = static_cast<std::uint32_t>(quadrics_.size());
       quadrics_.push_back(quadric);
@@ -208,10 +237,12 @@ class SceneLights final : public Lights {
   void reserve(const MeshChunk& chunk, const Part& part) {
     PrimitiveRange& range = ranges_[chunk.light];
     for (std::uint32_t i = 0; i < chunk.triangle_count; ++i)
-      range.count = std::max(range.count, part.source_primitive(chunk, chunk.first_triangle + i) + 1);
+      range.count =
+          std::max(range.count, part.source_primitive(chunk, chunk.first_triangle + i) + 1);
   }
 
-  static TriangleVertices vertices(const MeshChunk& chunk, const Part& part, std::uint32_t triangle) {
+  static TriangleVertices vertices(const MeshChunk& chunk, const Part& part,
+                                   std::uint32_t triangle) {
     TriangleVertices out;
     out.has_normals = chunk.first_normal != kNone;
     out.has_uvs = chunk.first_uv != kNone;
@@ -219,7 +250,8 @@ class SceneLights final : public Lights {
       const std::uint32_t vertex = part.triangles[triangle][i];
       const auto k = static_cast<std::size_t>(i);
       out.p[k] = part.positions[vertex];
-      if (out.has_normals) out.n[k] = part.normals[chunk.first_normal + (vertex - chunk.first_vertex)];
+      if (out.has_normals)
+        out.n[k] = part.normals[chunk.first_normal + (vertex - chunk.first_vertex)];
       if (out.has_uvs) out.uv[k] = part.uvs[chunk.first_uv + (vertex - chunk.first_vertex)];
     }
     return out;
@@ -229,7 +261,8 @@ class SceneLights final : public Lights {
     const Emission& emission = emissions_[chunk.light];
     if (!(average(emission.radiance) > 0.f)) return;
     const auto slot = [&](std::uint32_t i) -> std::uint32_t& {
-      return by_primitive_[ranges_[chunk.light].first + part.source_primitive(chunk, chunk.first_triangle + i)];
+      return by_primitive_[ranges_[chunk.light].first +
+                           part.source_primitive(chunk, chunk.first_triangle + i)];
     };
     const auto normal = [&](const TriangleVertices& t) {
       return triangle_point(t, chunk.flip != 0, dialect, 1.f / 3.f, 1.f / 3.f, false).ng;
@@ -241,27 +274,29 @@ class SceneLights final : public Lights {
         const TriangleVertices b = vertices(chunk, part, chunk.first_triangle + i + 1);
         Vec3 corner, edge0, edge1;
         if (parallelogram(a, b, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
-          if (const auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n, emission.radiance,
-                                          emission.two_sided)) {
+          if (const auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n,
+                                          emission.radiance, emission.two_sided)) {
             slot(i) = slot(i + 1) = add(*made);
             ++i;
             continue;
           }
         }
       }
-      if (const auto made = make_flat(EmitterKind::triangle, a.p[0], a.p[1] - a.p[0], a.p[2] - a.p[0], n,
-                                      emission.radiance, emission.two_sided))
+      if (const auto made = make_flat(EmitterKind::triangle, a.p[0], a.p[1] - a.p[0],
+                                      a.p[2] - a.p[0], n, emission.radiance, emission.two_sided))
         slot(i) = add(*made);
     }
   }
 
-  // Two triangles that share an edge and together are a parallelogram: most rectangular lights are given so.
-  static bool parallelogram(const TriangleVertices& a, const TriangleVertices& b, Vec3& corner, Vec3& edge0,
-                            Vec3& edge1) {
+  // Two triangles that share an edge and together are a parallelogram: most rectangular lights are
+  // given so.
+  static bool parallelogram(const TriangleVertices& a, const TriangleVertices& b, Vec3& corner,
+                            Vec3& edge0, Vec3& edge1) {
     const auto lone = [](const TriangleVertices& x, const TriangleVertices& y) {
       int found = -1;
       for (int i = 0; i < 3; ++i) {
-        if (std::find(y.p.begin(), y.p.end(), x.p[static_cast<std::size_t>(i)]) != y.p.end()) continue;
+        if (std::find(y.p.begin(), y.p.end(), x.p[static_cast<std::size_t>(i)]) != y.p.end())
+          continue;
         if (found >= 0) return -1;
         found = i;
       }
@@ -291,7 +326,8 @@ class SceneLights final : public Lights {
 
 }  // namespace
 
-std::unique_ptr<Lights> Lights::build(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
+std::unique_ptr<Lights> Lights::build(const SceneDescription& scene,
+                                      std::span<const AreaLightId> shape_lights,
                                       const Part& main_part, const Bounds3&, Warnings& warnings) {
   return std::make_unique<SceneLights>(scene, shape_lights, main_part, warnings);
 }

@@ -12,31 +12,45 @@ namespace cloudrenderer {
 
 // A chosen light, as seen from a point.
 struct LightSample {
-  Vec3 wi{};             // unit, towards the light
-  float distance = 0;    // to the point on the light; infinity for lights at infinity. A shadow ray ends just before it.
-  Rgb radiance{0};       // emitted towards the point; for delta lights: intensity over distance^2 and the like
-  float pdf = 0;         // solid angle density times the chance of choosing this light; for delta lights: that chance
+  Vec3 wi{};           // unit, towards the light
+  float distance = 0;  // to the point on the light, or infinity; a shadow ray ends just before it
+  Rgb radiance{0};     // emitted towards the point; delta lights: intensity over distance^2, or so
+  float pdf = 0;       // by solid angle, times the chance of the light; delta lights: that chance
+  bool delta = false;
+};           // unit, towards the light
+  float distance = 0;  // to the point on the light; infinity for lights at infinity. A shadow ray
+                       // ends just before it.
+  Rgb radiance{
+      0};  // emitted towards the point; for delta lights: intensity over distance^2 and the like
+  float pdf = 0;  // solid angle density times the chance of choosing this light; for delta lights:
+                  // that chance
   bool delta = false;
 };
 
-// All lights of a scene, and how one is chosen at a point. Built from the description and the main scene's emissive
-// shapes; immutable, any thread. Lights are numbered: infinite and delta lights, then emissive shapes.
+// All lights of a scene, and how one is chosen at a point. Built from the description and the main
+// scene's emissive shapes; immutable, any thread. Lights are numbered: infinite and delta lights,
+// then emissive shapes.
 class Lights {
  public:
-  // `main_part` holds every emissive shape (chunks and quadrics with light != kNone). `shape_lights` as in Manifest.
-  // Light maps are read through OpenImageIO. scene_bounds: for distant and infinite lights' power.
-  static std::unique_ptr<Lights> build(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
-                                       const Part& main_part, const Bounds3& scene_bounds, Warnings& warnings);
+  // `main_part` holds every emissive shape (chunks and quadrics with light != kNone).
+  // `shape_lights` as in Manifest. Light maps are read through OpenImageIO. scene_bounds: for
+  // distant and infinite lights' power.
+  static std::unique_ptr<Lights> build(const SceneDescription& scene,
+                                       std::span<const AreaLightId> shape_lights,
+                                       const Part& main_part, const Bounds3& scene_bounds,
+                                       Warnings& warnings);
   virtual ~Lights() = default;
   virtual bool empty() const = 0;
   virtual bool has_infinite() const = 0;
   virtual std::uint64_t bytes() const = 0;
 
-  // Chooses a light with u_light and a direction with u. `n` is the shading normal on the side whose light matters:
-  // turned towards the viewer for a surface that only reflects, the zero vector where both sides count (transmission,
-  // media). Light from below n's horizon is sampled rarely, or left to the BSDF's samples; the estimate stays right
-  // with any n. Returns false when nothing can arrive. A pure function of its arguments.
-  virtual bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u, LightSample& out) const = 0;
+  // Chooses a light with u_light and a direction with u. `n` is the shading normal on the side
+  // whose light matters: turned towards the viewer for a surface that only reflects, the zero
+  // vector where both sides count (transmission, media). Light from below n's horizon is sampled
+  // rarely, or left to the BSDF's samples; the estimate stays right with any n. Returns false when
+  // nothing can arrive. A pure function of its arguments.
+  virtual bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u,
+                      LightSample& out) const = 0;
 
   // Radiance that arrives along `direction` (unit) from outside the scene: all infinite lights.
   // pdf is what sample(p, n) has for this direction (chance of the lights included).
@@ -44,13 +58,16 @@ class Lights {
   // The same where no density is needed: camera rays and specular bounces.
   virtual Rgb escaped(const Vec3& direction) const = 0;
 
-  // Radiance that the emissive shape `light` (running number) emits at a hit towards -direction; ng: the surface's
-  // geometric normal as in SurfacePoint. pdf: what sample(p, n) has for this direction, p, n being where the ray
-  // started. `t` is the distance along the unit direction, `primitive` the source triangle number (any for quadrics).
-  // A pdf of 0: the shape is not found by sample(), all weight is with the ray that hit it.
-  virtual Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2& uv, const Vec3& direction) const = 0;
-  virtual float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction, float t,
-                            const Vec3& hit_point, const Vec3& hit_ng, std::uint32_t primitive) const = 0;
+  // Radiance that the emissive shape `light` (running number) emits at a hit towards -direction;
+  // ng: the surface's geometric normal as in SurfacePoint. pdf: what sample(p, n) has for this
+  // direction, p, n being where the ray started. `t` is the distance along the unit direction,
+  // `primitive` the source triangle number (any for quadrics). A pdf of 0: the shape is not found
+  // by sample(), all weight is with the ray that hit it.
+  virtual Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2& uv,
+                      const Vec3& direction) const = 0;
+  virtual float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n,
+                            const Vec3& direction, float t, const Vec3& hit_point,
+                            const Vec3& hit_ng, std::uint32_t primitive) const = 0;
 };
 
 }  // namespace cloudrenderer

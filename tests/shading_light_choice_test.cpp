@@ -1,0 +1,306 @@
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "shading/light_choice.h"
+#include "shading/lights.h"
+#include "shading_lights_support.h"
+
+namespace cloudrenderer {
+namespace {
+
+using namespace test;
+
+// Distributions.
+
+// Pearson's test of directions sampled against a density over the sphere; bins by z and azimuth.
+void expect_distribution(const std::function<bool(const Vec2&, Vec3&)>& sample,
+                         const std::function<float(const Vec3&)>& pdf) {
+  constexpr int kZ = 12, kPhi = 24, kCount = 60000, kSub = 24;
+  std::vector<double> seen(kZ * kPhi), expected(kZ * kPhi);
+  Uniform u;
+  for (int i = 0; i < kCount; ++i) {
+    Vec3 d;
+    if (!sample(u.pair(), d)) continue;
+    const double phi =
+        std::atan2(static_cast<double>(d.y), static_cast<double>(d.x)) / (2 * 3.14159265358979) +
+        0.5;
+    const int z = std::min(kZ - 1, static_cast<int>((d.z * 0.5f + 0.5f) * kZ)),
+              p = std::min(kPhi - 1, static_cast<int>(phi * kPhi));
+    seen[static_cast<std::size_t>(z * kPhi + p)] += 1;
+  }
+  for (int z = 0; z < kZ; ++z)
+    for (int p = 0; p < kPhi; ++p)
+      for (int i = 0; i < kSub * kSub; ++i) {
+        const double cz = 2 * (z + (i % kSub + 0.5) / kSub) / kZ - 1;
+        const double phi = 2 * 3.14159265358979 * ((p + (i / kSub + 0.5) / kSub) / kPhi - 0.5);
+        const double r = std::sqrt(1 - cz * cz);
+        expected[static_cast<std::size_t>(z * kPhi + p)] +=
+            static_cast<double>(pdf(Vec3(r * std::cos(phi), r * std::sin(phi), cz)));
+      }
+  double statistic = 0, rest_seen = 0, rest_expected = 0;
+  int freedom = -1;
+  const auto add = [&](double o, double e) {
+    statistic += (o - e) * (o - e) / e;
+    ++freedom;
+  };
+  for (std::size_t b = 0; b < seen.size(); ++b) {
+    const double e = expected[b] * 4 * 3.14159265358979 / (kZ * kPhi * kSub * kSub) * kCount;
+    if (e < 20) {
+      rest_seen += seen[b];
+      rest_expected += e;
+    } else {
+      add(seen[b], e);
+    }
+  }
+  if (rest_expected > 20)
+    add(rest_seen, rest_expected);
+  else
+    EXPECT_LT(rest_seen, 60);
+  // Wilson and Hilferty: about normal, so 4.5 is a chance of 3e-6. Integrating the density on a
+  // grid adds a little.
+  const double k = freedom,
+               z = (std::cbrt(statistic / k) - (1 - 2 / (9 * k))) / std::sqrt(2 / (9 * k));
+  EXPECT_LT(z, 4.5) << "chi-squared " << statistic << " with " << freedom << " degrees of freedom";
+}
+
+TEST(LightDistributions, InfiniteMap) {
+  const MapFile map(16, 8, rough);
+  const auto lights = Scene().light("infinite", {string("mapname", map.path())}, tilted()).build();
+  expect_distribution(
+      [&](const Vec2& u, Vec3& d) {
+        LightSample s;
+        const bool ok = lights->sample(Vec3(0), Vec3(0), 0, u, s);
+        d = s.wi;
+        return ok;
+      },
+      [&](const Vec3& d) {
+        float pdf;
+        lights->escaped(Vec3(0), Vec3(0), d, pdf);
+        return pdf;
+      });
+}
+
+void expect_quadric_distribution(const Quadric& q, const Vec3& p) {
+  const auto lights = Scene().quadric(q, Rgb(1)).build();
+  expect_distribution(
+      [&](const Vec2& u, Vec3& d) {
+        LightSample s;
+        const bool ok = lights->sample(p, Vec3(0), 0, u, s);
+        d = s.wi;
+        return ok;
+      },
+      [&](const Vec3& d) {
+        QuadricHit hit;
+        if (!intersect(q, p, d, 0, kInfinity, hit)) return 0.f;
+        const SurfacePoint s = surface_point(q, q.object_to_world.swaps_handedness(), p, d, hit.t);
+        if (is_black(lights->emitted(0, s.ng, {}, d))) return 0.f;
+        return lights->emitted_pdf(0, p, Vec3(0), d, hit.t, s.p, s.ng, 0);
+      });
+}
+
+TEST(LightDistributions, Sphere) { expect_quadric_distribution(sphere({1, 2, 2}, 2.5f), Vec3(0)); }
+
+TEST(LightDistributions, Ellipsoid) {
+  Quadric q = sphere(Vec3(0), 1);
+  q.object_to_world = Transform(glm::translate(Mat4(1.f), Vec3(1, 2, 2)) *
+                                glm::rotate(Mat4(1.f), 0.7f, glm::normalize(Vec3(1, 1, 0))) *
+                                glm::scale(Mat4(1.f), Vec3(2.4f, 1.2f, -1.8f)));
+  expect_quadric_distribution(q, Vec3(0));
+}
+
+TEST(LightDistributions, Disk) {
+  Quadric q;
+  q.kind = QuadricKind::disk;
+  q.radius = 3;
+  q.object_to_world = Transform(glm::rotate(Mat4(1.f), 0.4f, Vec3(1, 0, 0)));
+  expect_quadric_distribution(q, {0.5f, 0.2f, 1.5f});
+}
+
+TEST(LightDistributions, ParallelogramDensityFitsItsSamples) {
+  const auto lights =
+      Scene().mesh({{-2, -1, 1}, {1, -1, 2}, {2, 1, 2}, {-1, 1, 1}}, kTwoTriangles, Rgb(1)).build();
+  Uniform u;
+  const Vec3 n = glm::normalize(glm::cross(Vec3(3, 0, 1), Vec3(1, 2, 0))),
+             p = Vec3(-0.5f, 0.3f, 0) + 4.f * n;
+  double inverse = 0;
+  constexpr int kCount = 20000;
+  for (int i = 0; i < kCount; ++i) {
+    LightSample s;
+    ASSERT_TRUE(lights->sample(p, -n, 0, u.pair(), s));
+    for (std::uint32_t primitive : {0u, 1u})
+      EXPECT_NEAR(
+          lights->emitted_pdf(0, p, -n, s.wi, s.distance, p + s.wi * s.distance, n, primitive) /
+              s.pdf,
+          1, 1e-4);
+    inverse += 1 / static_cast<double>(s.pdf);
+  }
+  // The mean of 1/pdf is the solid angle: here of two triangles (Van Oosterom and Strackee 1983).
+  const auto triangle = [&](Vec3 a, Vec3 b, Vec3 c) {
+    const glm::dvec3 x = glm::normalize(glm::dvec3(a - p)), y = glm::normalize(glm::dvec3(b - p)),
+                     z = glm::normalize(glm::dvec3(c - p));
+    return 2 * std::atan2(std::fabs(glm::dot(x, glm::cross(y, z))),
+                          1 + glm::dot(x, y) + glm::dot(y, z) + glm::dot(z, x));
+  };
+  const double angle =
+      triangle({-2, -1, 1}, {1, -1, 2}, {2, 1, 2}) + triangle({-2, -1, 1}, {2, 1, 2}, {-1, 1, 1});
+  EXPECT_NEAR(inverse / kCount / angle, 1, 0.01);
+}
+
+// The choice of a light.
+
+EmitterBounds emitter(Uniform& u, int kind) {
+  EmitterBounds b;
+  b.center = Vec3(u(), u(), u()) * 10.f;
+  b.axis = uniform_direction(u);
+  b.strength = 0.1f + u();
+  switch (kind % 5) {
+    case 0:
+      break;
+    case 1:
+      b.shape = EmitterShape::planar;
+      b.radius = 0.3f;
+      break;
+    case 2:
+      b.shape = EmitterShape::planar_two_sided;
+      b.radius = 0.1f;
+      break;
+    case 3:
+      b.shape = EmitterShape::cone;
+      b.cos_spread = 1;
+      b.cos_emission = 0.5f;
+      break;
+    default:
+      b.radius = 0.5f;
+  }
+  return b;
+}
+
+TEST(LightChoice, ChancesSumToOneAndAreThoseOfSamples) {
+  for (const int count : {2, 16, 17, 300}) {
+    SCOPED_TRACE(count);
+    Uniform u;
+    std::vector<EmitterBounds> all;
+    for (int i = 0; i < count; ++i) all.push_back(emitter(u, i));
+    all[0].shape = EmitterShape::everywhere;
+    if (count > 100)
+      for (int i = 1; i < 40; ++i) all[static_cast<std::size_t>(i)].shape = EmitterShape::distant;
+    const LightChoice choice(all);
+    for (int round = 0; round < 5; ++round) {
+      const Vec3 p = Vec3(u(), u(), u()) * 10.f, n = round == 0 ? Vec3(0) : uniform_direction(u);
+      double sum = 0;
+      for (std::uint32_t i = 0; i < all.size(); ++i)
+        sum += static_cast<double>(choice.chance(i, p, n));
+      EXPECT_LE(sum, 1.0001);
+      std::vector<int> seen(all.size());
+      int missed = 0;
+      constexpr int kCount = 20000;
+      for (int i = 0; i < kCount; ++i) {
+        float chance;
+        const std::int64_t e =
+            choice.sample(p, n, (static_cast<float>(i) + u()) / kCount * 0.9999999f, chance);
+        if (e < 0) {
+          ++missed;
+          continue;
+        }
+        ++seen[static_cast<std::size_t>(e)];
+        EXPECT_NEAR(chance / choice.chance(static_cast<std::uint32_t>(e), p, n), 1, 1e-4);
+      }
+      EXPECT_NEAR(missed / static_cast<double>(kCount), 1 - sum, 0.01)
+          << "only dead ends are missing";
+      for (std::uint32_t i = 0; i < all.size(); ++i) {
+        const double expected = kCount * static_cast<double>(choice.chance(i, p, n));
+        EXPECT_NEAR(seen[i], expected, 3 + 0.02 * expected) << i;
+        if (importance(all[i], p, n) > 0) {
+          EXPECT_GT(choice.chance(i, p, n), 0) << i;
+        }
+      }
+    }
+  }
+}
+
+TEST(LightChoice, ManyLightsGiveTheSumOfTheirLight) {
+  for (const int count : {5, 60}) {
+    Scene scene;
+    Uniform u;
+    glm::dvec3 expected(0);
+    const Vec3 p(5, 0.5f, 5), n = glm::normalize(Vec3(0.2f, 1, 0.1f));
+    for (int i = 0; i < count; ++i) {
+      const Vec3 at = Vec3(u(), u(), u()) * 10.f;
+      const Rgb intensity(0.5f + u(), u(), 1);
+      scene.light("point", {color("I", intensity), point("from", at)});
+      const Vec3 w = at - p;
+      const float d = glm::length(w);
+      expected += glm::dvec3(intensity * std::max(0.f, glm::dot(w, n)) / (d * d * d));
+    }
+    const auto lights = scene.build();
+    expect_ratio(irradiance(*lights, p, n, 40000), Rgb(expected), 0.02f);
+    // The estimate is right for a wrong normal too, only with more noise.
+    expect_ratio(irradiance(*lights, p, n, 250000, -n), Rgb(expected), 0.03f);
+  }
+}
+
+TEST(LightChoice, NearLightsAreChosenMoreOften) {
+  Scene scene;
+  for (int i = 0; i < 100; ++i)
+    scene.light("point", {point("from", {static_cast<float>(i) * 10.f, 5, 0})});
+  const auto lights = scene.build();
+  Uniform u;
+  int near = 0;
+  for (int i = 0; i < 1000; ++i) {
+    LightSample s;
+    ASSERT_TRUE(lights->sample({400, 0, 0}, {0, 1, 0}, u(), u.pair(), s));
+    near += s.distance < 12;
+  }
+  EXPECT_GT(near, 700) << "three of a hundred lights";
+}
+
+TEST(LightChoice, EqualPlacesDoNotMakeEndlessTrees) {
+  std::vector<EmitterBounds> all(5000);
+  for (EmitterBounds& b : all) b.strength = 1;
+  const LightChoice choice(all);
+  EXPECT_NEAR(choice.chance(4321, Vec3(1), Vec3(0)) * 5000.f, 1, 1e-3);
+  // Distances that double: median splits take over before a trail is too long.
+  for (std::size_t i = 0; i < all.size(); ++i)
+    all[i].center.x = std::exp2(static_cast<float>(i % 120) - 60.f);
+  const LightChoice far(all);
+  float chance;
+  EXPECT_GE(far.sample(Vec3(1), Vec3(0), 0.7f, chance), 0);
+}
+
+TEST(Lights, SingleLightCostsNoChoice) {
+  const auto lights = Scene().quadric(sphere({0, 0, 5}, 1), Rgb(1)).build();
+  LightSample a, b;
+  ASSERT_TRUE(lights->sample(Vec3(0), {0, 0, -1}, 0.1f, Vec2(0.3f), a));
+  ASSERT_TRUE(lights->sample(Vec3(0), {1, 0, 0}, 0.9f, Vec2(0.3f), b));
+  EXPECT_EQ(a.pdf, b.pdf);
+  EXPECT_EQ(a.wi, b.wi);
+}
+
+TEST(Lights, MixedKindsAgreeOnTheirDensities) {
+  Scene scene;
+  scene.light("infinite", {}).light("point", {}).quadric(sphere({0, 4, 0}, 1), Rgb(2));
+  scene.mesh({{-1, -1, 5}, {-1, 1, 5}, {1, 1, 5}, {1, -1, 5}}, kTwoTriangles, Rgb(4));
+  const auto lights = scene.build();
+  Uniform u;
+  std::set<bool> kinds;
+  const Vec3 p(0.2f, 0.3f, 1), n = glm::normalize(Vec3(0, 1, 1));
+  for (int i = 0; i < 2000; ++i) {
+    LightSample s;
+    if (!lights->sample(p, n, u(), u.pair(), s) || s.delta) continue;
+    kinds.insert(std::isinf(s.distance));
+    float pdf = 0;
+    if (std::isinf(s.distance)) {
+      lights->escaped(p, n, s.wi, pdf);
+    } else if (s.radiance.x == 2) {
+      pdf = lights->emitted_pdf(0, p, n, s.wi, s.distance, p + s.wi * s.distance, -s.wi, 0);
+    } else {
+      pdf = lights->emitted_pdf(1, p, n, s.wi, s.distance, p + s.wi * s.distance, {0, 0, -1}, 1);
+    }
+    EXPECT_NEAR(pdf / s.pdf, 1, 1e-4);
+  }
+  EXPECT_EQ(kinds.size(), 2u);
+}
+
+}  // namespace
+}  // namespace cloudrenderer
