@@ -17,14 +17,7 @@ struct LightSample {
   Rgb radiance{0};     // emitted towards the point; delta lights: intensity over distance^2, or so
   float pdf = 0;       // by solid angle, times the chance of the light; delta lights: that chance
   bool delta = false;
-};           // unit, towards the light
-  float distance = 0;  // to the point on the light; infinity for lights at infinity. A shadow ray
-                       // ends just before it.
-  Rgb radiance{
-      0};  // emitted towards the point; for delta lights: intensity over distance^2 and the like
-  float pdf = 0;  // solid angle density times the chance of choosing this light; for delta lights:
-                  // that chance
-  bool delta = false;
+};
 };
 
 // All lights of a scene, and how one is chosen at a point. Built from the description and the main
