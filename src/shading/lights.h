@@ -18,7 +18,6 @@ struct LightSample {
   float pdf = 0;       // by solid angle, times the chance of the light; delta lights: that chance
   bool delta = false;
 };
-};
 
 // All lights of a scene, and how one is chosen at a point. Built from the description and the main
 // scene's emissive shapes; immutable, any thread. Lights are numbered: infinite and delta lights,
