@@ -27,8 +27,8 @@ Half half_of(const Vec3& wo, const Vec3& wi) {
 
 // f without Fresnel and scale, and the density of sampling the reflected direction by its half
 // vector.
-inline float reflect_by_normals(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half& h,
-                                float& pdf) {
+[[gnu::always_inline]] inline float reflect_by_normals(const Lobe& l, const Vec3& wo,
+                                                       const Vec3& wi, const Half& h, float& pdf) {
   const float co = std::fabs(wo.z), ci = std::fabs(wi.z), d = normal_density(l, h.wh);
   if (l.distribution == Distribution::trowbridge_reitz) {
     const float so = smith_root(l, wo), si = smith_root(l, wi);
@@ -36,9 +36,10 @@ inline float reflect_by_normals(const Lobe& l, const Vec3& wo, const Vec3& wi, c
     return d * 0.5f / (ci * so + co * si);  // D G / (4 co ci) with G = 1 / (1 + L(wo) + L(wi))
   }
   // Torrance and Sparrow's V-grooves: G = min(1, 2 h min(co, ci) / dot)
-  const float z = std::fabs(h.wh.z), shadowed = 2.f * z * std::min(co, ci);
+  const float z = std::fabs(h.wh.z);
+  const bool masked = 2.f * z * std::min(co, ci) < h.dot;
   pdf = d * z / (4.f * h.dot);
-  return shadowed < h.dot ? d * z / (2.f * h.dot * std::max(co, ci)) : d / (4.f * co * ci);
+  return (masked ? d * z : d) / (masked ? 2.f * h.dot * std::max(co, ci) : 4.f * co * ci);
 }
 
 // Density alone, for lobes whose value has another form.
@@ -85,11 +86,11 @@ Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf
   return l.scale2 * ((1.f - f) * d * std::fabs(oh) * jacobian * 2.f / (ci * so + co * si));
 }
 
-Rgb fresnel_blend_value(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half& h, bool same,
+Rgb fresnel_blend_value(const Lobe& l, float mix, const Vec3& wo, const Vec3& wi, const Half& h,
                         float& pdf) {
   const float co = std::fabs(wo.z), ci = std::fabs(wi.z);
   const float d = normal_density(l, h.wh);
-  if (same) pdf += l.weight * ((1.f - l.mix) * ci * kInvPi + l.mix * half_density(l, wo, h, d));
+  pdf = (1.f - mix) * ci * kInvPi + mix * half_density(l, wo, h, d);
   const Rgb diffuse =
       l.scale * (Rgb(1.f) - l.scale2) *
       ((28.f / 23.f) * kInvPi * (1.f - pow5(1.f - 0.5f * ci)) * (1.f - pow5(1.f - 0.5f * co)));
@@ -97,8 +98,12 @@ Rgb fresnel_blend_value(const Lobe& l, const Vec3& wo, const Vec3& wi, const Hal
   return l.eta * (diffuse + glossy);
 }
 
+// 1 / n
+constexpr std::array<float, Bsdf::kMaxLobes + 1> kEven{0.f,     1.f,     1.f / 2, 1.f / 3, 1.f / 4,
+                                                       1.f / 5, 1.f / 6, 1.f / 7, 1.f / 8};
+
 // A rough guess of the share of light a lobe scatters, for choosing among lobes.
-float albedo_guess(Lobe& l, float wo_z) {
+float albedo_guess(const Lobe& l, float wo_z, float& mix) {
   const float c = std::min(1.f, std::fabs(wo_z));
   switch (l.kind) {
     case LobeKind::lambert:
@@ -110,7 +115,7 @@ float albedo_guess(Lobe& l, float wo_z) {
       if ((l.fresnel == Fresnel::dielectric || l.fresnel == Fresnel::dielectric_one_sided) &&
           eta < 1.f) {
         // pbrt's plastic reflects totally beyond an angle; half vectors spread around it
-        const float t = std::clamp((1.f - c * c - 0.1f) * 1.6f, 0.f, 1.f);
+        const float t = std::min(1.f, std::max(0.f, (0.9f - c * c) * 1.6f));
         return luminance(l.scale) * (0.05f + 0.75f * t);
       }
       return luminance(l.scale * fresnel(l, c, wo_z > 0.f));
@@ -124,7 +129,7 @@ float albedo_guess(Lobe& l, float wo_z) {
       const float glossy = luminance(schlick(l.scale2, c)),
                   diffuse = luminance(l.scale * (Rgb(1.f) - l.scale2));
       const float sum = glossy + diffuse;
-      l.mix = sum > 0.f ? std::clamp(glossy / sum, 0.1f, 0.9f) : 0.5f;
+      mix = sum > 0.f ? std::clamp(glossy / sum, 0.1f, 0.9f) : 0.5f;
       return luminance(l.eta) * sum;
     }
     case LobeKind::specular_reflection:
@@ -136,7 +141,7 @@ float albedo_guess(Lobe& l, float wo_z) {
 }
 
 // A direction from a smooth lobe; `u` is a spare uniform number. False when there is none.
-bool sample_lobe(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3& wi) {
+bool sample_lobe(const Lobe& l, float mix, const Vec3& wo, float u, const Vec2& u2, Vec3& wi) {
   const float side = wo.z > 0.f ? 1.f : -1.f;
   switch (l.kind) {
     case LobeKind::lambert:
@@ -145,7 +150,7 @@ bool sample_lobe(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3& w
       wi.z *= l.transmits ? -side : side;
       return true;
     case LobeKind::fresnel_blend:
-      if (u >= l.mix) {
+      if (u >= mix) {
         wi = sample_cosine(u2);
         wi.z *= side;
         return true;
@@ -182,15 +187,16 @@ Rgb Bsdf::evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) con
   const Half half = half_ ? half_of(wo, wi) : Half{};
   for (int i = 0; i < count_; ++i) {
     const Lobe& l = lobes_[static_cast<std::size_t>(i)];
+    const Chance& chance = chance_[static_cast<std::size_t>(i)];
     const bool counts = reflect != l.transmits, sampled = same != l.transmits;
     switch (l.kind) {
       case LobeKind::lambert:
         if (counts) f += l.scale * kInvPi;
-        if (sampled) pdf += l.weight * ci * kInvPi;
+        if (sampled) pdf += chance.weight * ci * kInvPi;
         break;
       case LobeKind::oren_nayar:
         if (counts) f += oren_nayar_value(l, wo, wi);
-        if (sampled) pdf += l.weight * ci * kInvPi;
+        if (sampled) pdf += chance.weight * ci * kInvPi;
         break;
       case LobeKind::microfacet: {
         const Vec3 w(wi.x, wi.y, l.transmits ? -wi.z : wi.z);
@@ -199,7 +205,7 @@ Rgb Bsdf::evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) con
         float p;
         const float v = reflect_by_normals(l, wo, w, h, p);
         if (counts) f += l.scale * fresnel(l, h.dot, h.wh.z > 0.f) * v;
-        if (sampled) pdf += l.weight * p;
+        if (sampled) pdf += chance.weight * p;
         break;
       }
       case LobeKind::microfacet_dielectric: {
@@ -209,23 +215,25 @@ Rgb Bsdf::evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) con
           const float v = reflect_by_normals(l, wo, wi, half, p);
           const float r = fresnel_dielectric(half.dot, half.wh.z > 0.f ? l.eta.x : l.eta.y);
           if (reflect) f += l.scale * (r * v);
-          pdf += l.weight * p * reflect_chance(l, r);
+          pdf += chance.weight * p * reflect_chance(l, r);
         } else if (reflect) {  // the normals disagree: pbrt evaluates the reflection all the same
           if (!half.valid) break;
           const float v = reflect_by_normals(l, wo, wi, half, p);
           f += l.scale * (v * fresnel_dielectric(half.dot, half.wh.z > 0.f ? l.eta.x : l.eta.y));
           rough_transmission(l, wo, wi, p);
-          pdf += l.weight * p;
+          pdf += chance.weight * p;
         } else {
           f += rough_transmission(l, wo, wi, p);
-          pdf += l.weight * p;
+          pdf += chance.weight * p;
         }
         break;
       }
       case LobeKind::fresnel_blend:
         if (half.valid) {
-          const Rgb value = fresnel_blend_value(l, wo, wi, half, same, pdf);
+          float p;
+          const Rgb value = fresnel_blend_value(l, chance.mix, wo, wi, half, p);
           if (reflect) f += value;
+          if (same) pdf += chance.weight * p;
         }
         break;
       default:
@@ -255,29 +263,27 @@ Rgb Bsdf::eval_cos(const Vec3& wo, const Vec3& wi, float& pdf) const {
 
 void Bsdf::finish(const Vec3& wo) {
   if (count_ == 0) return;
+  const float z = glm::dot(wo, frame_.n);
   if (count_ == 1) {
-    lobes_[0].weight = 1.f;
-    if (lobes_[0].kind == LobeKind::fresnel_blend) albedo_guess(lobes_[0], glm::dot(wo, frame_.n));
+    chance_[0].weight = 1.f;
+    if (lobes_[0].kind == LobeKind::fresnel_blend) albedo_guess(lobes_[0], z, chance_[0].mix);
     return;
   }
-  const float z = glm::dot(wo, frame_.n);
+  const auto count = static_cast<std::size_t>(count_);
   float sum = 0.f;
-  for (int i = 0; i < count_; ++i) {
-    Lobe& l = lobes_[static_cast<std::size_t>(i)];
-    const float guess = albedo_guess(l, z);
-    l.weight = guess > 0.f && guess < 1e9f ? guess : 0.f;
-    sum += l.weight;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float guess = albedo_guess(lobes_[i], z, chance_[i].mix);
+    chance_[i].weight = guess > 0.f && guess < 1e9f ? guess : 0.f;
+    sum += chance_[i].weight;
   }
   // No lobe is starved: a guess may be wrong by much at grazing angles.
-  const auto n = static_cast<float>(count_);
-  const float floor = 0.02f / n, factor = sum > 0.f ? 0.98f / sum : 0.f;
-  for (int i = 0; i < count_; ++i) {
-    Lobe& l = lobes_[static_cast<std::size_t>(i)];
-    l.weight = sum > 0.f ? floor + factor * l.weight : 1.f / n;
-  }
+  const float floor = kEven[count] * 0.02f, factor = sum > 0.f ? 0.98f / sum : 0.f;
+  for (std::size_t i = 0; i < count; ++i)
+    chance_[i].weight = sum > 0.f ? floor + factor * chance_[i].weight : kEven[count];
 }
 
-bool Bsdf::finish_specular(const Lobe& l, const Vec3& wo, float u, BsdfSample& out) const {
+bool Bsdf::finish_specular(const Lobe& l, float chance, const Vec3& wo, float u,
+                           BsdfSample& out) const {
   const float c = std::fabs(wo.z), side = wo.z > 0.f ? 1.f : -1.f;
   out.specular = true;
   out.pdf = 0.f;
@@ -289,9 +295,9 @@ bool Bsdf::finish_specular(const Lobe& l, const Vec3& wo, float u, BsdfSample& o
   } else {
     const float f = fresnel_dielectric(c, incident_eta(l, wo));
     if (l.kind == LobeKind::specular_dielectric) {
-      const float chance = reflect_chance(l, f);
-      reflects = u < chance;
-      weight = reflects ? l.scale * (f / chance) : l.scale2 * ((1.f - f) / (1.f - chance));
+      const float reflecting = reflect_chance(l, f);
+      reflects = u < reflecting;
+      weight = reflects ? l.scale * (f / reflecting) : l.scale2 * ((1.f - f) / (1.f - reflecting));
     } else {
       weight = l.scale * (1.f - f);
     }
@@ -304,7 +310,7 @@ bool Bsdf::finish_specular(const Lobe& l, const Vec3& wo, float u, BsdfSample& o
     out.eta = eta;
   }
   out.transmission = !reflects;
-  out.weight = weight * (1.f / l.weight);
+  out.weight = weight * (1.f / chance);
   out.wi = glm::normalize(frame_.to_world(wi));
   return !is_black(out.weight);
 }
@@ -313,14 +319,15 @@ bool Bsdf::sample(const Vec3& wo_world, float u_lobe, const Vec2& u, BsdfSample&
   const Vec3 wo = frame_.to_local(wo_world);
   if (count_ == 0 || wo.z == 0.f) return false;
   int chosen = 0;
-  while (chosen + 1 < count_ && u_lobe >= lobes_[static_cast<std::size_t>(chosen)].weight)
-    u_lobe -= lobes_[static_cast<std::size_t>(chosen++)].weight;
-  const Lobe& l = lobes_[static_cast<std::size_t>(chosen)];
-  const float rest = std::min(u_lobe / l.weight, 0x1.fffffep-1f);
-  if (l.kind >= LobeKind::specular_reflection) return finish_specular(l, wo, rest, out);
+  while (chosen + 1 < count_ && u_lobe >= weight(chosen)) u_lobe -= weight(chosen++);
+  const Lobe& l = lobe(chosen);
+  const Chance& chance = chance_[static_cast<std::size_t>(chosen)];
+  const float rest = std::min(u_lobe / chance.weight, 0x1.fffffep-1f);
+  if (l.kind >= LobeKind::specular_reflection)
+    return finish_specular(l, chance.weight, wo, rest, out);
 
   Vec3 wi;
-  if (!sample_lobe(l, wo, rest, u, wi)) return false;
+  if (!sample_lobe(l, chance.mix, wo, rest, u, wi)) return false;
   out.wi = frame_.to_world(wi);
   const bool reflect = glm::dot(out.wi, ng_) * glm::dot(wo_world, ng_) > 0.f;
   out.specular = false;

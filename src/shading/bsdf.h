@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -36,8 +37,6 @@ struct Lobe {
   bool transmits;       // lambert, oren_nayar, microfacet: scatters to the other side
   bool scale_radiance;  // refraction compresses radiance by (eta_i / eta_t)^2, as in pbrt-v3 and
                         // not in pbrt-v2
-  float weight;         // chance of being sampled, set by Bsdf::finish
-  float mix;            // fresnel_blend: chance of sampling the glossy part, set by Bsdf::finish
   Rgb scale;            // reflectance (fresnel_blend: diffuse)
   Rgb scale2;           // dielectrics: transmittance; fresnel_blend: specular
   Rgb eta;  // conductors; dielectrics: x = inside over outside, y = 1/x; fresnel_blend: factor over
@@ -60,7 +59,7 @@ struct BsdfSample {
 
 // The sum of a few lobes in the shading frame. As in pbrt, the geometric normal decides between
 // reflection and transmission lobes. eval() and pdf() leave specular lobes out. Lobes are sampled
-// in proportion to `weight`.
+// in proportion to a guess of their albedo.
 class Bsdf {
  public:
   static constexpr int kMaxLobes = 8;
@@ -84,8 +83,7 @@ class Bsdf {
   void add(std::span<const Lobe> lobes) {
     for (const Lobe& l : lobes) add(l);
   }
-  // Sets the lobes' sampling weights for this wo (albedo estimates). Call once after the last
-  // add().
+  // Sets the lobes' sampling weights for this wo (albedo estimates). Call once after the last lobe.
   void finish(const Vec3& wo);
 
   bool empty() const { return count_ == 0; }
@@ -104,8 +102,15 @@ class Bsdf {
   int lobe_count() const { return count_; }
   const Lobe& lobe(int i) const { return lobes_[static_cast<std::size_t>(i)]; }
   Lobe& lobe(int i) { return lobes_[static_cast<std::size_t>(i)]; }
+  float weight(int i) const { return chance_[static_cast<std::size_t>(i)].weight; }
 
  private:
+  // How a lobe is sampled.
+  struct Chance {
+    float weight;  // of choosing the lobe
+    float mix;     // fresnel_blend: of sampling the glossy part
+  };
+
   void note(const Lobe& lobe) {
     smooth_ = smooth_ || lobe.kind < LobeKind::specular_reflection;
     half_ = half_ || (lobe.kind >= LobeKind::microfacet && lobe.kind <= LobeKind::fresnel_blend);
@@ -116,18 +121,22 @@ class Bsdf {
     count_ = b.count_;
     smooth_ = b.smooth_;
     half_ = b.half_;
-    for (int i = 0; i < count_; ++i)
-      lobes_[static_cast<std::size_t>(i)] = b.lobes_[static_cast<std::size_t>(i)];
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
+      lobes_[i] = b.lobes_[i];
+      chance_[i] = b.chance_[i];
+    }
   }
   // Sum of the smooth lobes without the cosine, and their density, for local directions.
   Rgb evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) const;
-  bool finish_specular(const Lobe& lobe, const Vec3& wo, float u, BsdfSample& out) const;
+  bool finish_specular(const Lobe& lobe, float chance, const Vec3& wo, float u,
+                       BsdfSample& out) const;
 
   Frame frame_;
   Vec3 ng_{0, 0, 1};
   int count_ = 0;
   bool smooth_ = false;  // some lobe is not specular
   bool half_ = false;    // some lobe wants the half vector
+  std::array<Chance, kMaxLobes> chance_;
   std::array<Lobe, kMaxLobes> lobes_;
 };
 

@@ -9,8 +9,6 @@ Lobe make(LobeKind kind, const Rgb& scale) {
   Lobe l{};
   l.kind = kind;
   l.scale = scale;
-  l.weight = 1.f;
-  l.mix = 0.5f;
   l.eta = Rgb(1.f);
   return l;
 }
