@@ -70,44 +70,91 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   return id;
 }
 
-// Orders what a new placement adds to what the hosts hold or are loading.
-void ManagerCore::place_all(double now) {
+Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const {
   PlacementInput in;
   in.parts = job_.parts;
   in.prototype_bytes = job_.prototype_bytes;
   in.min_replication = options_.replication;
   in.seed = job_.seed;
-  std::vector<HostId> ids;
+  std::vector<std::size_t> kept(job_.parts.size());  // copies that a placement may not move
   for (const auto& [id, h] : hosts_) {
-    if (h.leaving || !can(h.hello, wire::TRACER)) continue;
-    PlacementHost host{id, h.hello.memory(), {h.wanted.begin(), h.wanted.end()}, {}};
+    if ((h.leaving && (!with_leaving || h.released != 0)) || !can(h.hello, wire::TRACER)) continue;
+    PlacementHost host{id, h.hello.memory(), {}, {}};
+    for (const PartId p : h.wanted)
+      if (!drop || kept[p.value]++ == 0) host.holds.push_back(p);
     const auto& features = h.hello.features();
     for (std::size_t p = 0; p < job_.part_features.size() && !features.empty(); ++p)
       for (const std::string& f : job_.part_features[p])
         if (std::find(features.begin(), features.end(), f) == features.end())
           host.cannot.emplace_back(static_cast<std::uint32_t>(p));
     in.hosts.push_back(std::move(host));
-    ids.push_back(id);
   }
-  if (ids.empty()) return;
   const auto placed = place(in);
-  if (!placed) {
-    if (everything_wanted()) return;  // it works without the new host, or with the one that wants to leave
-    if (!no_room_since_) no_room_since_ = now;
-    no_room_ = placed.error();
-    if (now - *no_room_since_ >= options_.wait_for_room_s) fail(no_room_, now);
-    return;
+  if (!placed) return Result<Plan>::failure(placed.error());
+  Plan result;
+  for (std::size_t i = 0; i < in.hosts.size(); ++i) {
+    const HostId id = in.hosts[i].host;
+    const auto& hold = result.hold[id] = (*placed)[i];
+    for (const PartId p : hosts_.at(id).wanted)
+      if (!std::binary_search(hold.begin(), hold.end(), p)) result.drop[id].push_back(p);
   }
-  no_room_since_.reset();
-  no_room_.clear();
-  for (std::size_t i = 0; i < ids.size(); ++i) order(ids[i], hosts_.at(ids[i]), (*placed)[i]);
+  return result;
 }
 
-void ManagerCore::order(HostId id, Host& h, std::span<const PartId> parts) {
-  wire::LoadParts m;
-  for (const PartId p : parts)
-    if (h.wanted.insert(p).second) m.add_parts(p.value);
-  if (m.parts_size() != 0) send(id, std::move(m));
+// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts go.
+std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
+  std::string why;
+  for (const bool with_leaving : {false, true}) {
+    for (const bool drop : {false, true}) {
+      auto found = plan(with_leaving, drop);
+      if (found) {
+        no_room_since_.reset();
+        no_room_.clear();
+        return std::move(*found);
+      }
+      if (why.empty()) why = found.error();
+      // It works without a new host that brings no room, or with the one that wants to leave.
+      if (everything_wanted()) return std::nullopt;
+    }
+  }
+  no_room_ = why;
+  if (!no_room_since_) no_room_since_ = now;
+  if (now - *no_room_since_ >= options_.wait_for_room_s) fail(no_room_, now);
+  return std::nullopt;
+}
+
+void ManagerCore::place_all(double now) {
+  if (hosts_.empty()) return;
+  const auto found = find_plan(now);
+  if (!found) return;
+  if (!found->drop.empty()) {
+    drop(*found);
+    if (phase_ == Phase::rendering) new_map(true, &*found);
+  }
+  order(*found);
+}
+
+// Takes surplus copies off the books; the hosts are told by the next map, or here before there is one.
+void ManagerCore::drop(const Plan& p) {
+  for (const auto& [id, parts] : p.drop) {
+    Host& h = hosts_.at(id);
+    wire::UnloadParts m;
+    for (const PartId part : parts) {
+      h.wanted.erase(part);
+      h.holds.erase(part);
+      m.add_parts(part.value);
+    }
+    if (phase_ != Phase::rendering || !h.mapped) send(id, std::move(m));
+  }
+}
+
+void ManagerCore::order(const Plan& p) {
+  for (const auto& [id, parts] : p.hold) {
+    wire::LoadParts m;
+    for (const PartId part : parts)
+      if (hosts_.at(id).wanted.insert(part).second) m.add_parts(part.value);
+    if (m.parts_size() != 0) send(id, std::move(m));
+  }
 }
 
 // Every part is held by a host that takes part, or (by_leaving) still does.
@@ -140,7 +187,7 @@ std::uint64_t ManagerCore::main_bytes() const {
   return bytes;
 }
 
-void ManagerCore::new_map(bool generation) {
+void ManagerCore::new_map(bool generation, const Plan* with_drops) {
   ++epoch_;
   if (generation) ++generation_;
   wire::SceneHostMap map;
@@ -157,6 +204,13 @@ void ManagerCore::new_map(bool generation) {
     wire::Holding& holding = *map.add_holdings();
     holding.set_host(id.value);
     for (const PartId p : h.holds) holding.add_parts(p.value);
+  }
+  if (with_drops) {
+    for (const auto& [id, parts] : with_drops->drop) {
+      wire::Holding& drops = *map.add_drops();
+      drops.set_host(id.value);
+      for (const PartId p : parts) drops.add_parts(p.value);
+    }
   }
   for (const auto& [id, h] : hosts_)
     if (h.mapped) send(id, map);
@@ -189,10 +243,6 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
   h.started = true;
   for (const std::uint32_t p : m.loaded())
     if (h.wanted.contains(PartId(p))) h.holds.insert(PartId(p));
-  for (const std::uint32_t p : m.unloaded()) {
-    h.holds.erase(PartId(p));
-    h.wanted.erase(PartId(p));
-  }
   check_loaded(now);
 }
 
@@ -276,9 +326,15 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   }
   if (finished()) return;
   if (phase_ == Phase::ending) return check_final(now);
-  if (phase_ == Phase::rendering && mapped) new_map(lost);
-  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false)) place_all(now);
-  if (!finished()) check_loaded(now);
+  const bool told = phase_ == Phase::rendering && mapped;  // the others know the host, and must learn that it is gone
+  std::optional<Plan> found;
+  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false)) found = find_plan(now);
+  if (finished()) return;
+  if (found) drop(*found);
+  const bool drops = found && !found->drop.empty();
+  if (told || (drops && phase_ == Phase::rendering)) new_map(lost || drops, found ? &*found : nullptr);
+  if (found) order(*found);
+  check_loaded(now);
   if (phase_ == Phase::rendering) check_end(now);
 }
 

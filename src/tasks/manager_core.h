@@ -134,12 +134,19 @@ class ManagerCore {
   };
 
   // manager_core.cpp: hosts and parts
+  // What hosts shall hold from now on; with `drop`, surplus copies may go to make room.
+  struct Plan {
+    std::map<HostId, std::vector<PartId>> hold, drop;
+  };
+  Result<Plan> plan(bool with_leaving, bool drop) const;
+  std::optional<Plan> find_plan(double now);  // or none: nothing to do, or no room (see no_room_)
   void place_all(double now);
-  void order(HostId id, Host& h, std::span<const PartId> parts);
+  void drop(const Plan& p);
+  void order(const Plan& p);
   bool everything_held(bool by_leaving) const;
   bool everything_wanted() const;
   std::uint64_t main_bytes() const;
-  void new_map(bool generation);
+  void new_map(bool generation, const Plan* with_drops = nullptr);
   void send_host_list();
   void handle(HostId from, Host& h, wire::LoadReport& m, double now);
   void handle(HostId from, Host& h, wire::Reply& m, double now);

@@ -109,6 +109,7 @@ struct LoadWork {         // loader
 };
 struct UnloadWork {       // unloader
   std::vector<PartId> parts;
+  bool before_paths = false;               // path work waits for it
 };
 struct EndJobWork {       // unloader: drop everything
   std::string reason;

@@ -42,7 +42,7 @@ double WorkerCore::deadline() const {
   for (const auto& [to, g] : gather_) {
     if (!g.segments.empty()) t = std::min(t, g.segments_since + options_.block_age_s);
     if (!g.asks.empty()) t = std::min(t, g.asks_since + options_.block_age_s);
-    if (!g.ends.empty()) t = std::min(t, g.ends_since + options_.block_age_s);
+    if (!g.ends.empty() && known(to)) t = std::min(t, g.ends_since + options_.block_age_s);
   }
   for (const Stranded& s : stranded_) t = std::min(t, s.since + options_.retry_s);
   return t;
@@ -89,12 +89,12 @@ void WorkerCore::end_job(const std::string& reason) {
 }
 
 void WorkerCore::forget_in_flight() {
-  std::vector<Uuid> gone;
+  std::vector<Uuid> ended;
   for (const auto& [id, task] : tasks_)
-    if (is_path_work(task.category) && task.state != TaskState::running) gone.push_back(id);
-  for (const Uuid id : gone) {
+    if (is_path_work(task.category) && task.state != TaskState::running) ended.push_back(id);
+  for (const Uuid id : ended) {
     const Task& task = tasks_.at(id);
-    const bool at_lost_host = task.state == TaskState::waiting && routing_->slot(task.target) == Routing::kNoSlot;
+    const bool at_lost_host = task.state == TaskState::waiting && !known(task.target);
     move(id, at_lost_host ? k_target_lost : l_discard);
   }
   waiting_.clear();
@@ -110,18 +110,17 @@ void WorkerCore::forget_in_flight() {
     auto ends = std::move(it->second.ends);  // samples that are done need not be made again
     it->second = {};
     it->second.ends = std::move(ends);
-    const bool gone_host = routing_->slot(it->first) == Routing::kNoSlot;
-    it = gone_host ? gather_.erase(it) : std::next(it);
+    it = gone(it->first) ? gather_.erase(it) : std::next(it);
   }
 }
 
 void WorkerCore::forget_job() {
   forget_in_flight();
-  std::vector<Uuid> gone;
+  std::vector<Uuid> ended;
   for (const auto& [id, task] : tasks_)
     if (task.category == TaskCategory::renderer || (!is_path_work(task.category) && task.state != TaskState::running))
-      gone.push_back(id);
-  for (const Uuid id : gone) move(id, l_discard);
+      ended.push_back(id);
+  for (const Uuid id : ended) move(id, l_discard);
   ready_load_.clear();
   gather_.clear();
   early_.clear();
@@ -131,10 +130,12 @@ void WorkerCore::forget_job() {
   opened_.clear();
   collecting_ = list_missing_ = remaking_ = false;
   map_.Clear();
+  seen_.clear();
   routing_ = std::make_shared<const Routing>();
   refuse_below_ = 0;
   job_.reset();
   job_ready_ = false;
+  drops_ = 0;
 }
 
 void WorkerCore::handle(HostId from, wire::LoadParts& m) {
@@ -151,12 +152,18 @@ void WorkerCore::handle(HostId from, wire::LoadParts& m) {
 void WorkerCore::handle(HostId from, wire::UnloadParts& m) {
   if (from != kManager || !job_) return void(++dropped_);
   refuse_below_ = std::max(refuse_below_, m.epoch());
-  UnloadWork unload;
-  for (const std::uint32_t p : m.parts()) unload.parts.emplace_back(p);
+  unload({m.parts().begin(), m.parts().end()}, false);
+}
+
+void WorkerCore::unload(const std::vector<std::uint32_t>& parts, bool before_paths) {
+  UnloadWork what;
+  what.before_paths = before_paths;
+  if (before_paths) ++drops_;
+  for (const std::uint32_t p : parts) what.parts.emplace_back(p);
   Task& task = create(TaskCategory::unloader);
   move(task, a_accept);
   Work work;
-  work.what = std::move(unload);
+  work.what = std::move(what);
   ready_load_.push_back({task.id, std::move(work), 0});
 }
 
@@ -183,16 +190,19 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
   map_ = std::move(m);
   set_hosts(map_.hosts());
   routing_ = std::make_shared<const Routing>(map_, self_, options_.alpha);
+  for (const wire::HostEntry& e : map_.hosts()) seen_.emplace(e.host());
   // Once others hold all that this host held, it takes no more paths and can go when its own are done.
   const bool holder = std::any_of(map_.holdings().begin(), map_.holdings().end(),
                                   [&](const wire::Holding& h) { return h.host() == self_.value; });
   if (leaving_ && !holder) refuse_below_ = std::max(refuse_below_, map_.epoch());
-  std::erase_if(unreachable_, [&](HostId h) { return routing_->slot(h) == Routing::kNoSlot; });
+  std::erase_if(unreachable_, [&](HostId h) { return !known(h); });
   if (again) {
     // A host was lost with paths that nobody can tell: every owner makes what it still lacks once more, and nothing
     // of before goes on. Copies that do arrive are equal to the bit and count once.
     forget_in_flight();
     if (!renderers_.empty()) list_missing_ = remaking_ = true;
+    for (const wire::Holding& d : map_.drops())
+      if (d.host() == self_.value) unload({d.parts().begin(), d.parts().end()}, true);
   } else {
     regroup_without_lost_hosts();
   }
@@ -204,7 +214,7 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
 void WorkerCore::regroup_without_lost_hosts() {
   for (auto it = gather_.begin(); it != gather_.end();) {
     Gather& g = it->second;
-    if (routing_->slot(it->first) != Routing::kNoSlot) {
+    if (!gone(it->first)) {
       ++it;
       continue;
     }
@@ -220,7 +230,7 @@ void WorkerCore::regroup_without_lost_hosts() {
   }
   std::vector<Uuid> lost;
   for (const auto& [id, waiting] : waiting_)
-    if (routing_->slot(tasks_.at(id).target) == Routing::kNoSlot) lost.push_back(id);
+    if (!known(tasks_.at(id).target)) lost.push_back(id);
   for (const Uuid id : lost) {
     Waiting w = std::move(waiting_.at(id));
     waiting_.erase(id);

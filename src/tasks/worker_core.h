@@ -23,6 +23,7 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <set>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -52,6 +53,9 @@ struct WorkerOptions {
 struct DriverCounters {
   std::uint64_t bytes_sent = 0, bytes_received = 0, memory_used = 0, memory_peak = 0, peak_rss = 0;
   double cpu_s = 0;
+  // Other workers have acknowledged all that was sent to them. A host that leaves goes only then, for nobody takes
+  // frames of a host that is off the list.
+  bool drained = false;
 };
 
 class WorkerCore {
@@ -74,7 +78,7 @@ class WorkerCore {
   // The driver cannot reach a peer (or can again): told to the manager with every status, which then decides.
   void peer_unreachable(HostId peer);
   void peer_reachable(HostId peer);
-  void set_driver_counters(const DriverCounters& c) { driver_ = c; }
+  void set_driver_counters(const DriverCounters& c);
   // Asks the manager for leave; the host works on until left().
   void leave(const std::string& reason);
   bool left() const { return left_; }
@@ -147,6 +151,9 @@ class WorkerCore {
   void forget_in_flight();               // all path work but renderer tasks and path ends
   void forget_job();
   void regroup_without_lost_hosts();
+  bool known(HostId h) const { return routing_->slot(h) != Routing::kNoSlot; }
+  bool gone(HostId h) const { return !known(h) && seen_.contains(h); }
+  void unload(const std::vector<std::uint32_t>& parts, bool before_paths);
   void end_job(const std::string& reason);
 
   // worker_queues.cpp: tasks, blocks for other hosts
@@ -184,13 +191,17 @@ class WorkerCore {
   void finish_collect(const CollectWork& work, WorkResult& r);
   void finish_load(const Work& work, WorkResult& r);
   void count_tasks(const Work& work);
-  void send(HostId to, wire::Message m) { outbox_.emplace_back(to, std::move(m)); }
+  void send(HostId to, wire::Message m) {
+    drained_ = drained_ && std::holds_alternative<wire::Status>(m);
+    outbox_.emplace_back(to, std::move(m));
+  }
 
   HostId self_;
   std::uint64_t incarnation_;
   WorkerOptions options_;
   Outbox outbox_;
   bool leaving_ = false, left_ = false;
+  bool drained_ = false;                 // nothing but status has been sent since the driver said so
 
   // job
   std::optional<wire::JobStart> job_;
@@ -202,6 +213,7 @@ class WorkerCore {
   std::vector<wire::HostEntry> host_entries_;
   std::uint64_t hosts_version_ = 0;
   std::vector<HostId> unreachable_;
+  std::set<HostId> seen_;                // hosts of all maps of this job: what is not in it is yet to come
 
   // tasks
   std::uint64_t next_number_ = 1;
@@ -237,6 +249,7 @@ class WorkerCore {
   std::size_t queued_ = 0, kept_ = 0, running_ = 0;
   std::size_t local_queued_ = 0, shade_queued_ = 0;  // parts of queued_
   bool loading_ = false;
+  std::size_t drops_ = 0;                // unloads before which no path work is taken
   double segments_per_s_ = 0;            // measured, one thread
   double next_status_ = 0;
   double busy_s_ = 0;

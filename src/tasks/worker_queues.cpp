@@ -130,7 +130,7 @@ void WorkerCore::flush(HostId to, Gather& g) {
     send_segments(to, g);
   if (!g.asks.empty() && (g.ask_count >= 4 * options_.block_segments || g.ask_blocks_out == 0 || old(g.asks_since)))
     send_asks(to, g);
-  if (!g.ends.empty() && (g.ends.size() >= 2 * options_.block_segments || old(g.ends_since)))
+  if (!g.ends.empty() && known(to) && (g.ends.size() >= 2 * options_.block_segments || old(g.ends_since)))
     send(to, wire::PathEnds{routing_->generation(), std::exchange(g.ends, {})});
 }
 

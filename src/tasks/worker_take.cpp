@@ -37,6 +37,7 @@ bool WorkerCore::may_make_camera() const {
 }
 
 bool WorkerCore::has_work() const {
+  if (drops_ != 0) return may_collect();
   return !ready_occlude_.empty() || !ready_resolve_.empty() || !ready_arrived_.empty() || !ready_returned_.empty() ||
          !ready_shade_.empty() || !ready_local_.empty() || may_collect() || may_make_camera();
 }
@@ -59,6 +60,7 @@ std::optional<Work> WorkerCore::take(double now) {
   now_ = now;
   if (!has_work()) return std::nullopt;
   const auto next = [&] {
+    if (drops_ != 0) return take_collect(now);
     // Others wait for these.
     if (!ready_occlude_.empty()) return take_occlude(now);
     if (!ready_resolve_.empty()) return take_resolve(now);
@@ -202,15 +204,15 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
   counters_.set_bounce(counters_.bounce() + r.counts.bounce);
   counters_.set_shadow(counters_.shadow() + r.counts.shadow);
   for (auto& [owner, ends] : r.ends) {
-    if (owner != self_ && routing_->slot(owner) == Routing::kNoSlot) continue;  // its tasks are others' now
+    if (gone(owner)) continue;  // its tasks are others' now
     gather_ends(owner, std::move(ends));
   }
   if (const auto* collect = std::get_if<CollectWork>(&work.what)) finish_collect(*collect, r);
   if (!stale) {
     ready_local(std::move(r.next));
     ready_shade(std::move(r.to_shade));
-    for (LeavingSegments& l : r.leaving) gather(routing_->slot(l.to) == Routing::kNoSlot ? HostId() : l.to, std::move(l.kept));
-    for (LeavingAsks& l : r.asks) gather(routing_->slot(l.to) == Routing::kNoSlot ? HostId() : l.to, std::move(l.asks));
+    for (LeavingSegments& l : r.leaving) gather(known(l.to) ? l.to : HostId(), std::move(l.kept));
+    for (LeavingAsks& l : r.asks) gather(known(l.to) ? l.to : HostId(), std::move(l.asks));
     for (auto& [to, reply] : r.replies) send(to, std::move(reply));
   }
   flush_all();
@@ -297,6 +299,7 @@ void WorkerCore::finish_load(const Work& work, WorkResult& r) {
     move(id, j_replied);
   }
   if (stale) return;
+  if (const auto* unload = std::get_if<UnloadWork>(&work.what); unload && unload->before_paths) --drops_;
   if (std::holds_alternative<StartJobWork>(work.what)) job_ready_ = r.error.empty();
   counters_.set_parts_loaded(static_cast<std::uint32_t>(counters_.parts_loaded() + r.loaded.size() - r.unloaded.size()));
   wire::LoadReport report;
@@ -315,6 +318,11 @@ bool WorkerCore::idle() const {
          std::all_of(gather_.begin(), gather_.end(), [](const auto& g) { return g.second.ends.empty(); });
 }
 
+void WorkerCore::set_driver_counters(const DriverCounters& c) {
+  driver_ = c;
+  drained_ = c.drained && outbox_.empty();
+}
+
 wire::Status WorkerCore::status() const {
   wire::Status s;
   const double speed = segments_per_s_ * options_.threads;
@@ -324,7 +332,7 @@ wire::Status WorkerCore::status() const {
   s.set_live_paths(live_paths());
   s.set_epoch(map_.epoch());
   s.set_generation(map_.generation());
-  s.set_idle(idle());
+  s.set_idle(idle() && drained_);
   wire::Counters& c = *s.mutable_counters();
   c = counters_;
   c.set_dropped_messages(dropped_);

@@ -51,9 +51,11 @@ const char* check(const HostList& m) { return check_entries(m.hosts()); }
 
 const char* check(const SceneHostMap& m) {
   if (m.part_count() > kMaxParts) return "too many parts";
-  for (const Holding& h : m.holdings()) {
-    if (h.host() >= kMaxHosts) return "a host number is out of range";
-    if (!all_below(h.parts(), m.part_count())) return "a part number is out of range";
+  for (const auto* list : {&m.holdings(), &m.drops()}) {
+    for (const Holding& h : *list) {
+      if (h.host() >= kMaxHosts) return "a host number is out of range";
+      if (!all_below(h.parts(), m.part_count())) return "a part number is out of range";
+    }
   }
   return check_entries(m.hosts());
 }

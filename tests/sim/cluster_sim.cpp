@@ -1,0 +1,401 @@
+#include "cluster_sim.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace cloudrenderer::sim {
+namespace {
+
+constexpr double kEndOfTime = 600;     // virtual seconds: a run that is not done by then never will be
+constexpr HostId kManager{0};
+constexpr std::uint64_t kPartBytes = 100;
+
+std::uint64_t incarnation_of(HostId h) { return 1000 + h.value; }
+
+std::vector<PixelSums> reference(const Scenario& s) {
+  MadeUpEngine engine(s.scene);
+  for (std::uint32_t p = 0; p < s.scene.parts; ++p) engine.resident.insert(p);
+  std::vector<PixelSums> film(std::size_t{s.scene.width} * s.height);
+  SegmentBatch batch;
+  engine.camera({0, 0, 0, s.scene.width, s.height, 0, s.spp}, 1, 0, film.size() * s.spp, batch.segments);
+  while (!batch.segments.empty()) {
+    batch.hits.clear();
+    engine.trace(batch);
+    ShadeOutput out;
+    engine.shade(batch, out);
+    for (const PathEnd& e : out.ended)
+      if (!(e.flags & kEndInvalid)) film[e.pixel].add(e.radiance, e.sample);
+    batch.segments = std::move(out.continuing);
+  }
+  return film;
+}
+
+class Loader final : public PartLoader {
+ public:
+  explicit Loader(const MadeUpScene& scene) : engine(scene) { engine.resident.insert(0); }
+  MadeUpEngine engine;
+  std::string start_job(const wire::JobStart&) override { return {}; }
+  std::string load(PartId p) override {
+    engine.resident.insert(p.value);
+    return {};
+  }
+  void unload(PartId p) override { engine.resident.erase(p.value); }
+  void end_job() override { engine.resident = {0}; }
+  std::uint64_t bytes_used() const override { return engine.resident.size() * kPartBytes; }
+};
+
+struct Node {
+  explicit Node(HostId h) : id(h) {}
+  HostId id;
+  std::unique_ptr<WorkerCore> core;    // null: the manager
+  std::unique_ptr<Loader> loader;
+  std::map<HostId, Link> links;
+  std::set<HostId> peers, gone;        // of the last host list; once there, now not
+  std::uint64_t hosts_version = 0;
+  std::uint32_t busy = 0;
+  bool alive = true;
+  bool going = false;                  // an event has struck it
+  double wake = 0;                     // the next timer that is set
+};
+
+class Simulation {
+ public:
+  explicit Simulation(const Scenario& s) : s_(s), dice_(s.seed ^ 0xabcdef), manager_(manager_options(), job()) {
+    nodes_.push_back(std::make_unique<Node>(kManager));
+    nodes_[0]->wake = kEndOfTime * 2;
+  }
+
+  Outcome run() {
+    for (std::uint32_t i = 0; i < s_.hosts; ++i) at(dice_.real() * 0.05, [this] { join(); });
+    for (const Scenario::Event& e : s_.events) at(e.at, [this, e] { happen(e.kind); });
+    pump(*nodes_[0]);
+    while (!events_.empty() && !manager_.finished() && now_ < kEndOfTime && out_.error.empty()) step();
+    if (out_.error.empty()) check();
+    out_.seconds = now_;
+    return out_;
+  }
+
+ private:
+  struct Event {
+    double at;
+    std::uint64_t order;
+    std::function<void()> what;
+    bool operator<(const Event& o) const { return at != o.at ? at > o.at : order > o.order; }
+  };
+
+  ManagerOptions manager_options() const {
+    ManagerOptions o = s_.manager;
+    o.incarnation = incarnation_of(kManager);
+    o.min_hosts = s_.hosts;
+    o.replication = s_.replication;
+    return o;
+  }
+  JobSpec job() const {
+    JobSpec j;
+    j.frame = {s_.scene.width, s_.height, 0, 0, s_.scene.width, s_.height};
+    j.spp = s_.spp;
+    j.seed = s_.seed;
+    for (std::uint32_t p = 0; p < s_.scene.parts; ++p)
+      j.parts.push_back({p == 0 ? 10 : kPartBytes + mix64(s_.seed + p) % 20, Vec3(static_cast<float>(p)), {}});
+    j.start.set_job(s_.seed + 1);
+    j.start.set_part_count(s_.scene.parts);
+    j.start.set_width(s_.scene.width);
+    j.start.set_height(s_.height);
+    j.start.set_x1(s_.scene.width);
+    j.start.set_y1(s_.height);
+    j.start.set_spp(s_.spp);
+    j.start.set_columns(wire::kAllColumns);
+    return j;
+  }
+
+  void at(double t, std::function<void()> what) { events_.push({t, next_order_++, std::move(what)}); }
+  void step() {
+    Event e = events_.top();
+    events_.pop();
+    now_ = std::max(now_, e.at);
+    e.what();
+  }
+  void fail(const std::string& why) {
+    if (out_.error.empty()) out_.error = "seed " + std::to_string(s_.seed) + " at " + std::to_string(now_) + " s: " + why;
+  }
+
+  // ---- hosts ----
+  void join() {
+    wire::Hello hello;
+    hello.set_protocol(wire::kProtocolVersion);
+    hello.set_threads(s_.threads);
+    hello.set_memory(s_.memory);
+    hello.set_path_credits(s_.worker.path_credits);
+    hello.set_incarnation(incarnation_of(HostId(static_cast<std::uint32_t>(nodes_.size()))));
+    const auto id = manager_.join(hello, now_);
+    if (!id) {
+      if (!manager_.finished() && manager_.phase() != ManagerCore::Phase::ending) fail("refused: " + id.error());
+      return;
+    }
+    auto node = std::make_unique<Node>(*id);
+    WorkerOptions options = s_.worker;
+    options.threads = s_.threads;
+    node->core = std::make_unique<WorkerCore>(*id, incarnation_of(*id), options);
+    node->loader = std::make_unique<Loader>(s_.scene);
+    node->wake = kEndOfTime * 2;
+    nodes_.push_back(std::move(node));
+    pump(*nodes_.back());
+    pump(*nodes_[0]);
+  }
+  void happen(Scenario::Event::Kind kind) {
+    using Kind = Scenario::Event::Kind;
+    if (kind == Kind::join) return join();
+    std::vector<Node*> up;
+    for (auto& n : nodes_)
+      if (n->core && n->alive && !n->going) up.push_back(n.get());
+    if (up.size() < 2) return;
+    Node& n = *up[dice_.below(up.size())];
+    n.going = true;
+    if (kind == Kind::leave) {
+      n.core->leave("asked to");
+      return pump(n);
+    }
+    if (kind != Kind::declare_lost) n.alive = false;
+    if (kind == Kind::kill_silently) return;  // the manager finds out by its silence
+    at(now_ + 0.05 * dice_.real(), [this, &n] {
+      manager_.host_lost(n.id, now_);
+      pump(*nodes_[0]);
+    });
+  }
+
+  // ---- everything that follows from a change in a node ----
+  void pump(Node& n) {
+    if (!n.alive) return;
+    if (n.core) {
+      for (int round = 0; round < 2; ++round) start_work(n);
+      follow_hosts(n);
+      for (auto& [to, m] : n.core->take_outbox()) send(n, to, m);
+      const std::size_t segments = n.core->queued_segments() + n.core->kept_segments();
+      out_.most_segments = std::max(out_.most_segments, segments);
+    } else {
+      for (auto& [to, m] : manager_.take_outbox())
+        if (!std::holds_alternative<wire::Welcome>(m)) send(n, to, m);
+      for (const HostId h : manager_.take_gone()) {
+        n.links.erase(h);
+        n.gone.insert(h);
+      }
+    }
+    double wake = n.core ? n.core->deadline() : manager_.deadline();
+    for (auto& [to, link] : n.links) {
+      while (auto frame = link.next(now_)) transmit(n.id, to, *frame);
+      wake = std::min(wake, link.deadline());
+    }
+    if (wake < n.wake) {
+      n.wake = wake;
+      at(std::max(wake, now_ + 1e-6), [this, &n, wake] {
+        if (n.wake != wake) return;
+        n.wake = kEndOfTime * 2;
+        if (!n.alive) return;
+        if (n.core)
+          tick(n);
+        else
+          manager_.tick(now_);
+        pump(n);
+      });
+    }
+  }
+  void start_work(Node& n) {
+    while (n.busy < s_.threads) {
+      auto work = n.core->take(now_);
+      if (!work) break;
+      ++n.busy;
+      const double t = s_.seconds_per_segment * static_cast<double>(work->segments() + 1) * (0.5 + dice_.real());
+      auto held = std::make_shared<Work>(std::move(*work));
+      at(now_ + t, [this, &n, held] {
+        if (!n.alive) return;
+        WorkResult r = execute(n.loader->engine, *held);
+        n.core->finish(*held, r, now_);
+        --n.busy;
+        pump(n);
+      });
+    }
+    if (auto work = n.core->take_load(now_)) {
+      auto held = std::make_shared<Work>(std::move(*work));
+      at(now_ + 0.01 * dice_.real(), [this, &n, held] {
+        if (!n.alive) return;
+        WorkResult r = execute(*n.loader, *held);
+        n.core->finish(*held, r, now_);
+        pump(n);
+      });
+    }
+  }
+  void tick(Node& n) {
+    DriverCounters c;
+    c.drained = std::all_of(n.links.begin(), n.links.end(),
+                            [](const auto& l) { return l.first == kManager || l.second.drained(); });
+    n.core->set_driver_counters(c);
+    n.core->tick(now_);
+  }
+  // Links to hosts that were on the list and are no more are closed.
+  void follow_hosts(Node& n) {
+    if (n.core->hosts_version() == n.hosts_version) return;
+    n.hosts_version = n.core->hosts_version();
+    std::set<HostId> now;
+    for (const wire::HostEntry& e : n.core->hosts()) now.insert(HostId(e.host()));
+    for (const HostId h : n.peers) {
+      if (now.contains(h)) continue;
+      n.links.erase(h);
+      n.gone.insert(h);
+    }
+    n.peers = std::move(now);
+  }
+
+  // ---- network ----
+  Link& link(Node& n, HostId to) {
+    LinkOptions o;
+    o.retransmit_after = 0.05 + 4 * (s_.delay + s_.jitter);
+    o.window = 64;
+    const auto low = [](std::uint64_t v) { return static_cast<std::uint32_t>(v); };
+    return n.links.try_emplace(to, low(incarnation_of(n.id)), low(incarnation_of(to)), o).first->second;
+  }
+  void send(Node& n, HostId to, const wire::Message& m) {
+    if (to == n.id) return fail("a host sends to itself: " + std::string(wire::message_name(m)));
+    if (!n.gone.contains(to)) link(n, to).send(wire::encode(m));
+  }
+  void transmit(HostId from, HostId to, const Link::Frame& frame) {
+    ++out_.frames;
+    for (int copies = dice_.chance(s_.doubling) ? 2 : 1; copies > 0; --copies) {
+      if (dice_.chance(s_.loss)) continue;
+      at(now_ + s_.delay + s_.jitter * dice_.real(), [this, from, to, frame] { arrive(from, to, frame); });
+    }
+  }
+  void arrive(HostId from, HostId to, const Link::Frame& frame) {
+    Node& n = *nodes_[to.value];
+    if (!n.alive || n.gone.contains(from)) return;
+    std::vector<wire::Bytes> in_order;
+    link(n, from).receive(frame.link, frame.payload, now_, in_order);
+    for (const wire::Bytes& payload : in_order) {
+      auto m = wire::decode(*payload);
+      if (!m) return fail("a message cannot be read: " + m.error());
+      if (n.core)
+        n.core->receive(from, std::move(*m), now_);
+      else
+        manager_.receive(from, std::move(*m), now_);
+    }
+    pump(n);
+  }
+
+  // ---- what must be true in the end ----
+  void check() {
+    if (!manager_.finished())
+      return fail("does not end: " + std::to_string(manager_.progress().paths_done) + " of " +
+                  std::to_string(manager_.progress().paths_total) + " paths, phase " +
+                  std::to_string(static_cast<int>(manager_.phase())) + state());
+    if (manager_.phase() == ManagerCore::Phase::failed) return fail(manager_.error());
+    const auto expected = reference(s_);
+    const auto got = manager_.film().sums();
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      if (expected[i].count != got[i].count || expected[i].sum != got[i].sum)
+        return fail("pixel " + std::to_string(i) + " differs");
+    const auto p = manager_.progress();
+    if (p.paths_done != p.paths_total) return fail("paths were lost or counted twice");
+    // A path waits at one host, and while it moves at two.
+    const std::uint64_t hosts = nodes_.size() - 1, bound = 2 * hosts * s_.worker.path_credits;
+    if (out_.most_segments > bound) return fail("a host held " + std::to_string(out_.most_segments) + " segments");
+    for (const auto& n : nodes_)
+      if (n->core && n->alive && manager_.hosts().at(n->id).last.final()) check_empty(*n);
+    for (const auto& [id, report] : manager_.hosts()) {
+      out_.moved += report.last.counters().moved();
+      out_.asked += report.last.counters().shadow_asked();
+      out_.wasted += report.last.counters().wasted_paths();
+      out_.dropped += report.last.counters().dropped_messages();
+    }
+    out_.generations = p.generation;
+  }
+  // A host that has reported the end of its job holds nothing of it any more.
+  void check_empty(const Node& n) {
+    if (n.core->queued_segments() + n.core->kept_segments() != 0) fail("segments are left over");
+    for (const TaskState state : {TaskState::fresh, TaskState::waiting, TaskState::submitting, TaskState::replying})
+      if (n.core->tasks_in(state) != 0) fail(std::string("tasks are left over: ") + name(state));
+  }
+  std::string state() const {
+    std::string text;
+    for (const auto& n : nodes_) {
+      if (!n->core) continue;
+      const wire::Status st = n->core->status();
+      text += "\n  host " + std::to_string(n->id.value) + (n->alive ? "" : " (dead)") + ": queued " +
+              std::to_string(st.queued_segments()) + ", kept " + std::to_string(n->core->kept_segments()) + ", live " +
+              std::to_string(st.live_paths()) + ", epoch " + std::to_string(st.epoch()) + "/" +
+              std::to_string(st.generation()) + ", tasks";
+      for (std::size_t i = 0; i < kTaskStates; ++i)
+        text += " " + std::to_string(n->core->tasks_in(static_cast<TaskState>(i)));
+    }
+    return text;
+  }
+
+  const Scenario s_;
+  Dice dice_;
+  ManagerCore manager_;
+  std::vector<std::unique_ptr<Node>> nodes_;  // by host number
+  std::priority_queue<Event> events_;
+  std::uint64_t next_order_ = 0;
+  double now_ = 0;
+  Outcome out_;
+};
+
+}  // namespace
+
+Scenario random_scenario(std::uint64_t seed) {
+  Dice d(seed);
+  Scenario s;
+  s.seed = seed;
+  s.hosts = d.between(2, 9);
+  s.threads = d.between(1, 3);
+  s.scene.seed = d.bits();
+  s.scene.parts = d.between(1, 24);
+  s.scene.longest_list = d.between(1, 8);
+  if (d.chance(0.05)) {  // more candidates than a mask has bits
+    s.scene.parts = 300;
+    s.scene.longest_list = 150;
+  }
+  s.scene.width = d.between(4, 12);
+  s.scene.vertices = d.between(1, 6);
+  s.height = d.between(4, 12);
+  s.spp = d.between(1, 5);
+  s.replication = d.between(1, 2);
+  s.manager.tile = 8;
+  s.manager.round_samples = d.between(1, 4);
+  s.manager.heartbeat_s = 0.1;
+  s.manager.lost_after_s = 1.5;
+  s.worker.status_every_s = 0.1;
+  s.worker.retry_s = 0.02;
+  s.worker.path_credits = d.between(1, 300);
+  s.worker.camera_batch = d.between(1, 100);
+  s.worker.trace_batch = d.between(1, 200);
+  s.worker.small_batch = d.between(1, 50);
+  s.worker.low_mark = d.between(1, 400);
+  s.worker.block_segments = d.between(1, 60);
+  if (d.chance(0.15)) {  // room for two blocks only
+    s.worker.block_segments = d.between(1, 4);
+    s.worker.path_credits = s.worker.low_mark = 2 * s.worker.block_segments;
+  }
+  s.worker.block_age_s = 0.005;
+  s.delay = 0.002 * d.real();
+  s.jitter = d.chance(0.5) ? 0.01 * d.real() : 0;
+  if (d.chance(0.6)) {
+    s.loss = 0.1 * d.real();
+    s.doubling = 0.1 * d.real();
+  }
+  std::uint32_t least = s.hosts;  // hosts that remain
+  if (d.chance(0.5)) {
+    using Kind = Scenario::Event::Kind;
+    for (std::uint32_t i = d.between(1, 3); i > 0; --i) {
+      const Kind kind = static_cast<Kind>(d.below(5));
+      if (kind != Kind::join && least > 1) --least;
+      s.events.push_back({kind, 0.05 + 0.6 * d.real() * d.real()});
+    }
+  }
+  // Enough for all that must be held by the hosts that remain, and rarely for everything everywhere.
+  const std::uint64_t all = s.scene.parts * (kPartBytes + 20) * std::min(s.replication, least);
+  s.memory = d.chance(0.2) ? 100'000 : 10 + all * 13 / 10 / least + 3 * (kPartBytes + 20);
+  return s;
+}
+
+Outcome run(const Scenario& s) { return Simulation(s).run(); }
+
+}  // namespace cloudrenderer::sim

@@ -1,0 +1,65 @@
+#pragma once
+// A whole cluster in virtual time in one thread: the real cores, links and codec, with a network that loses, doubles,
+// delays and reorders frames, and hosts that join late, leave and die. A pure function of the seed.
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <queue>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "base/random.h"
+#include "made_up_engine.h"
+#include "tasks/link.h"
+#include "tasks/manager_core.h"
+#include "tasks/worker_core.h"
+
+namespace cloudrenderer::sim {
+
+class Dice {
+ public:
+  explicit Dice(std::uint64_t seed) : state_(mix64(seed + 0x1234567)) {}
+  std::uint64_t bits() { return mix64(state_ += 0x9e3779b97f4a7c15u); }
+  std::uint64_t below(std::uint64_t n) { return bits() % n; }
+  std::uint32_t between(std::uint32_t lo, std::uint32_t hi) {  // both included
+    return lo + static_cast<std::uint32_t>(below(std::uint64_t{hi} - lo + 1));
+  }
+  double real() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
+  bool chance(double p) { return real() < p; }
+
+ private:
+  std::uint64_t state_;
+};
+
+struct Scenario {
+  std::uint64_t seed = 0;
+  MadeUpScene scene;
+  std::uint32_t height = 8, spp = 4;
+  std::uint32_t hosts = 2;             // from the start
+  std::uint32_t threads = 1;
+  std::uint32_t replication = 1;
+  std::uint64_t memory = 0;            // of each host; a part has about 100
+  WorkerOptions worker;
+  ManagerOptions manager;
+  double loss = 0, doubling = 0, delay = 0.001, jitter = 0;
+  double seconds_per_segment = 1e-5;
+  struct Event {
+    enum class Kind { kill, kill_silently, declare_lost, leave, join } kind;
+    double at;
+  };
+  std::vector<Event> events;
+};
+Scenario random_scenario(std::uint64_t seed);
+
+struct Outcome {
+  std::string error;                   // "": all is as it must be
+  double seconds = 0;                  // virtual
+  std::size_t most_segments = 0;       // waiting in one host
+  std::uint64_t frames = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
+  std::uint32_t generations = 0;
+};
+Outcome run(const Scenario& s);
+
+}  // namespace cloudrenderer::sim
