@@ -114,9 +114,8 @@ float albedo_guess(const Lobe& l, float wo_z, float& mix) {
           wo_z > 0.f || l.fresnel == Fresnel::dielectric_one_sided ? l.eta.x : l.eta.y;
       if ((l.fresnel == Fresnel::dielectric || l.fresnel == Fresnel::dielectric_one_sided) &&
           eta < 1.f) {
-        // pbrt's plastic reflects totally beyond an angle; half vectors spread around it
-        const float t = std::min(1.f, std::max(0.f, (0.9f - c * c) * 1.6f));
-        return luminance(l.scale) * (0.05f + 0.75f * t);
+        // pbrt's plastic reflects totally beyond 42 degrees; half vectors spread around it
+        return luminance(l.scale) * (0.8f - 0.75f * c * c);
       }
       return luminance(l.scale * fresnel(l, c, wo_z > 0.f));
     }
