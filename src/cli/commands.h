@@ -1,0 +1,19 @@
+#pragma once
+// One function a command; each returns the exit code. Errors are thrown.
+#include "cli/options.h"
+
+namespace cloudrenderer {
+
+inline constexpr int kDone = 0, kBoundNotMet = 1, kWrongUsage = 2, kBadScene = 3, kNoCluster = 4, kInterrupted = 5;
+
+int run_render(const RenderOptions& options, Interrupts& interrupts);
+int run_split(const SplitCommand& options);
+int run_worker_command(const WorkerOptionsGiven& options, Interrupts& interrupts);
+int run_compare(const CompareOptions& options);
+int run_info(const InfoOptions& options);
+
+// "file:line:column: warning: ..." on standard error: the first twenty, then how many more.
+void print_warnings(const std::vector<std::string>& warnings);
+void set_up_log(const LogOptions& options);
+
+}  // namespace cloudrenderer

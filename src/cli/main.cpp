@@ -1,0 +1,65 @@
+#include <spdlog/fmt/fmt.h>
+
+#include <new>
+
+#include "cli/commands.h"
+
+namespace cloudrenderer {
+namespace {
+
+template <class... F>
+struct Overloaded : F... {
+  using F::operator()...;
+};
+
+int run(int argc, const char* const* argv) {
+  Command command = parse_command_line(argc, argv);
+  return std::visit(
+      Overloaded{[&](RenderOptions& o) {
+                   o.command_line.assign(argv, argv + argc);
+                   set_up_log(o.log);
+                   Interrupts interrupts;
+                   return run_render(o, interrupts);
+                 },
+                 [](const WorkerOptionsGiven& o) {
+                   set_up_log(o.log);
+                   Interrupts interrupts;
+                   return run_worker_command(o, interrupts);
+                 },
+                 [](const SplitCommand& o) { return run_split(o); },
+                 [](const CompareOptions& o) { return run_compare(o); },
+                 [](const InfoOptions& o) { return run_info(o); },
+                 [](const HelpText& o) {
+                   fmt::print("{}", o.text);
+                   return kDone;
+                 }},
+      command);
+}
+
+int fail(int code, const char* what) {
+  // Scene errors say "file:line:column: error: ..." by themselves.
+  const std::string text = what;
+  const bool says_error = text.find("error: ") != std::string::npos;
+  fmt::print(stderr, "{}{}\n", says_error ? "" : "cloudrenderer: ", text);
+  return code;
+}
+
+}  // namespace
+}  // namespace cloudrenderer
+
+int main(int argc, char** argv) {
+  using namespace cloudrenderer;
+  try {
+    return run(argc, argv);
+  } catch (const UsageError& e) {
+    return fail(kWrongUsage, e.what());
+  } catch (const SceneError& e) {
+    return fail(kBadScene, e.what());
+  } catch (const ClusterError& e) {
+    return fail(kNoCluster, e.what());
+  } catch (const std::bad_alloc&) {
+    return fail(kNoCluster, "out of memory");
+  } catch (const std::exception& e) {
+    return fail(kNoCluster, e.what());
+  }
+}

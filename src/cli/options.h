@@ -1,0 +1,57 @@
+#pragma once
+// The command line as plain values.
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "cluster/render.h"
+#include "cluster/worker.h"
+
+namespace cloudrenderer {
+
+struct LogOptions {
+  std::string file, level = "warn";
+};
+
+struct RenderOptions {   // render and manager
+  RenderRequest request;
+  std::string output;    // "": from the scene
+  std::string reference, report, token_file;
+  bool quiet = false;
+  std::vector<std::string> command_line;
+  LogOptions log;
+};
+
+struct SplitCommand {
+  std::string scene, output;
+  SplitOptions options;
+};
+
+struct WorkerOptionsGiven {
+  WorkerConfig config;
+  std::string token_file;
+  int parent = 0;        // a process to die with; 0: none
+  LogOptions log;
+};
+
+struct CompareOptions {
+  std::string a, b;
+  std::optional<double> max_relmse;
+};
+
+struct InfoOptions {
+  std::string scene;
+  std::optional<Dialect> dialect;
+};
+
+struct HelpText {        // asked for: printed, exit code 0
+  std::string text;
+};
+
+using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions, InfoOptions, HelpText>;
+
+// Throws UsageError.
+Command parse_command_line(int argc, const char* const* argv);
+
+}  // namespace cloudrenderer

@@ -1,0 +1,118 @@
+#include <spdlog/fmt/fmt.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "cli/commands.h"
+#include "cli/progress.h"
+#include "cli/report.h"
+#include "cli/size.h"
+#include "net/handshake.h"
+
+namespace cloudrenderer {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string output_path(const RenderOptions& o, const FilmOptions& film) {
+  std::string path = o.output;
+  if (path.empty()) path = fs::path(film.filename.empty() ? "image.exr" : film.filename).filename().string();
+  const std::string extension = fs::path(path).extension().string();
+  if (extension == ".exr" || extension == ".png") return path;
+  // Scenes from old times name .tga or .pfm; what was asked for by hand must be what is written.
+  if (!o.output.empty()) throw UsageError("'" + path + "' must end in .exr or .png");
+  return fs::path(path).replace_extension(".exr").string();
+}
+
+// Found out before hours of rendering, not behind them.
+void check_writable(const std::string& path, const char* what) {
+  const fs::path folder = fs::absolute(path).parent_path();
+  std::error_code ignored;
+  if (!fs::is_directory(folder, ignored)) throw UsageError(std::string(what) + ": there is no folder " + folder.string());
+  const std::string probe = path + ".cloudrenderer";
+  if (!std::ofstream(probe)) throw UsageError(std::string("cannot write ") + what + " " + path);
+  fs::remove(probe, ignored);
+}
+
+std::map<std::string, std::string> metadata(const RenderOptions& o, const RenderOutcome& r) {
+  const JobSettings& s = r.facts.settings;
+  static constexpr std::array<const char*, 3> kIntegrators{"path", "directlighting", "ambientocclusion"};
+  std::string line;
+  for (const std::string& word : o.command_line) line += (line.empty() ? "" : " ") + word;
+  return {{"Software", "cloudrenderer " CLOUDRENDERER_VERSION},
+          {"cloudrenderer:scene", o.request.scene},
+          {"cloudrenderer:spp", std::to_string(s.spp)},
+          {"cloudrenderer:spp_done", std::to_string(r.spp_done)},
+          {"cloudrenderer:seed", std::to_string(s.seed)},
+          {"cloudrenderer:k", std::to_string(s.k)},
+          {"cloudrenderer:integrator", kIntegrators[static_cast<std::size_t>(s.integrator)]},
+          {"cloudrenderer:light_vertices", std::to_string(s.light_vertices)},
+          {"cloudrenderer:emission_vertex", std::to_string(s.emission_vertex)},
+          {"cloudrenderer:film_scale", fmt::format("{}", s.film.scale)},
+          {"cloudrenderer:sequence", s.sequence == SampleSequence::Kind::sobol ? "sobol" : "independent"},
+          {"cloudrenderer:command", line}};
+}
+
+void print_summary(const RenderOutcome& r, const std::string& output) {
+  fmt::print("{}: {} x {} pixels, {} samples each, {:.1f} s to load, {:.1f} s to render, {:.2f} M samples/s\n", output,
+             r.facts.settings.film.frame.crop_width(), r.facts.settings.film.frame.crop_height(),
+             r.facts.settings.spp, r.load_s, r.render_s,
+             r.render_s > 0 ? static_cast<double>(r.paths_done) / r.render_s * 1e-6 : 0.0);
+}
+
+}  // namespace
+
+int run_render(const RenderOptions& given, Interrupts& interrupts) {
+  RenderOptions o = given;
+  RenderRequest& request = o.request;
+  if (!fs::exists(request.scene)) throw SceneError({}, request.scene + ": there is no such file");
+  if (!o.token_file.empty()) request.token = read_token(o.token_file);
+  if (request.listen && !request.listen->is_loopback() && request.token.empty())
+    spdlog::warn("anybody who reaches {} can join: --token-file keeps strangers out", request.listen->to_string());
+  if (!o.reference.empty()) {
+    try {
+      request.reference = read_image(o.reference);
+    } catch (const std::exception& e) {
+      throw UsageError("--reference: " + std::string(e.what()));
+    }
+  }
+  if (!o.report.empty()) check_writable(o.report, "the report");
+
+  ProgressDisplay display(stderr, o.quiet);
+  RenderObserver observer;
+  std::string output;
+  observer.scene_ready = [&](const SceneFacts& facts) {
+    print_warnings(facts.warnings);
+    output = output_path(o, facts.settings.film);
+    check_writable(output, "the picture");
+  };
+  observer.listening = [&](const Address& address) {
+    // Scripts that started us with port 0 wait for this line.
+    fmt::print("listening on {}\n", address.to_string());
+    std::fflush(stdout);
+  };
+  observer.progress = [&](const RenderProgress& p) { display.show(p); };
+  const RenderOutcome outcome = render(request, observer, interrupts);
+  display.finish();
+
+  const Image image = outcome.film->image(outcome.facts.settings.film.scale);
+  write_image(output, image, outcome.film->frame(), metadata(o, outcome));
+  std::optional<ImageDifference> difference;
+  // Pixels without a sample yet would be compared as black.
+  if (request.reference && !outcome.interrupted) difference = compare_images(image, *request.reference);
+  if (!o.report.empty()) {
+    std::ofstream out(o.report);
+    out << make_report(outcome, request.scene, difference).dump(1) << "\n";
+    if (!out.flush()) throw std::runtime_error("cannot write the report " + o.report);
+  }
+  if (!o.quiet) print_summary(outcome, output);
+  if (outcome.invalid_samples > 0)
+    fmt::print(stderr, "warning: {} samples were not finite and were left out\n", outcome.invalid_samples);
+  if (outcome.interrupted) {
+    fmt::print(stderr, "interrupted: {} holds what was there\n", output);
+    return kInterrupted;
+  }
+  return outcome.bound_met ? kDone : kBoundNotMet;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,103 @@
+#include "cli/report.h"
+
+#include <algorithm>
+
+namespace cloudrenderer {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double per(double amount, double of) { return of > 0 ? amount / of : 0; }
+
+Json report_host(const ManagerCore::HostReport& host, double render_s) {
+  const wire::Counters& c = host.last.counters();
+  const wire::Hello& hello = host.hello;
+  return {{"name", hello.name()},
+          {"threads", hello.threads()},
+          {"memory_budget", hello.memory()},
+          {"memory_peak", c.memory_peak()},
+          {"memory_used", c.memory_used()},
+          {"peak_rss", c.peak_rss()},
+          {"parts_loaded", c.parts_loaded()},
+          {"busy", per(c.busy_s(), render_s * hello.threads())},
+          {"cpu_s", c.cpu_s()},
+          {"bytes_sent", c.bytes_sent()},
+          {"bytes_received", c.bytes_received()},
+          {"tasks",
+           {{"loader", c.tasks_loader()},
+            {"unloader", c.tasks_unloader()},
+            {"renderer", c.tasks_renderer()},
+            {"tracer", c.tasks_tracer()},
+            {"aggregator", c.tasks_aggregator()},
+            {"intersection", c.tasks_intersection()}}},
+          {"retries", c.retries()},
+          {"paths_done", host.paths_done},
+          {"joined_s", host.joined},
+          {"left_s", host.left ? Json(*host.left) : Json(nullptr)},
+          {"lost", host.lost}};
+}
+
+}  // namespace
+
+Json make_report(const RenderOutcome& o, const std::string& scene, const std::optional<ImageDifference>& difference) {
+  const FilmFrame& frame = o.facts.settings.film.frame;
+  std::uint64_t camera = 0, bounce = 0, shadow = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
+  Json hosts = Json::array();
+  for (const auto& [id, host] : o.hosts) {
+    const wire::Counters& c = host.last.counters();
+    camera += c.camera();
+    bounce += c.bounce();
+    shadow += c.shadow();
+    moved += c.moved();
+    asked += c.shadow_asked();
+    wasted += c.wasted_paths();
+    dropped += c.dropped_messages();
+    hosts.push_back(report_host(host, o.render_s));
+  }
+  const auto paths = static_cast<double>(o.paths_done);
+  Json error = {{"estimated_relmse", o.film->estimated_relmse(o.facts.settings.film.scale)}};
+  if (difference) {
+    error["relmse"] = difference->relmse;
+    error["relmse_trimmed"] = difference->relmse_trimmed;
+    error["mse"] = difference->mse;
+  }
+  Json convergence = Json::array();
+  for (const ConvergencePoint& p : o.convergence) {
+    Json point = {{"render_s", p.render_s}, {"spp", p.spp}, {"estimated_relmse", p.estimated_relmse}};
+    if (p.relmse) point["relmse"] = *p.relmse;
+    convergence.push_back(std::move(point));
+  }
+  Json out = {
+      {"version", 1},
+      {"scene", scene},
+      {"width", frame.crop_width()},
+      {"height", frame.crop_height()},
+      {"spp", o.facts.settings.spp},
+      {"parts", {{"count", o.facts.parts}, {"bytes", o.facts.predicted_bytes}, {"triangles", o.facts.triangles}}},
+      {"time", {{"wall_s", o.wall_s}, {"load_s", o.load_s}, {"render_s", o.render_s}, {"cpu_s", o.cpu_s}}},
+      {"rays",
+       {{"camera", camera}, {"bounce", bounce}, {"shadow", shadow}, {"moved", moved}, {"shadow_asked", asked}}},
+      {"wire", {{"bytes", o.wire_bytes}, {"bytes_per_path", per(static_cast<double>(o.wire_bytes), paths)}}},
+      {"invalid_samples", o.invalid_samples},
+      {"clamped_samples", o.clamped_samples},
+      {"bit_exact", o.bit_exact},
+      {"wasted_paths", wasted},
+      {"error", std::move(error)},
+      {"convergence", std::move(convergence)},
+      {"hosts", std::move(hosts)},
+      {"spp_done", o.spp_done},
+      {"paths", o.paths_done},
+      {"samples_per_s", per(paths, o.render_s)},
+      {"pixels_per_s", per(static_cast<double>(frame.pixels()), o.render_s)},
+      {"moves_per_path", per(static_cast<double>(moved), paths)},
+      {"asks_per_path", per(static_cast<double>(asked), paths)},
+      {"dropped_messages", dropped},
+      {"interrupted", o.interrupted}};
+  // Processor seconds of the engine, when the host was this process.
+  const auto& e = o.engine_s;
+  if (std::any_of(e.begin(), e.end(), [](double s) { return s > 0; }))
+    out["engine_cpu_s"] = {{"camera", e[0]}, {"trace", e[1]}, {"shade", e[2]}, {"occlusion", e[3]}};
+  return out;
+}
+
+}  // namespace cloudrenderer

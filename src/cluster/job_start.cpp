@@ -1,0 +1,91 @@
+#include "cluster/job_start.h"
+
+#include <charconv>
+#include <filesystem>
+#include <random>
+
+namespace cloudrenderer {
+namespace {
+
+constexpr const char* kMaxDepth = "max_depth";
+constexpr std::uint32_t kLargestFilm = 1u << 16;
+
+PlacementPart placement_part(const PartInfo& info) {
+  PlacementPart p;
+  p.bytes = info.loaded_bytes;
+  p.prototypes = info.prototypes;
+  Bounds3 bounds;
+  for (const Bounds3& b : info.boxes) bounds.extend(b);
+  if (!bounds.empty()) p.center = bounds.center();
+  return p;
+}
+
+wire::ColumnSet columns_of(const Manifest& manifest) {
+  wire::ColumnSet columns = wire::kColumnPreviousNormal;
+  if (manifest.parts.size() > 2) columns |= wire::kColumnBestHit | wire::kColumnTested;
+  if (!manifest.scene.textures.empty() || !manifest.scene.lights.empty()) columns |= wire::kColumnCone;
+  return columns;
+}
+
+}  // namespace
+
+JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings, const JobOverrides& overrides,
+                      const std::string& folder, bool shared_folder) {
+  JobSpec spec;
+  spec.frame = settings.film.frame;
+  spec.k = settings.k;
+  spec.spp = settings.spp;
+  spec.seed = settings.seed;
+  for (const PartInfo& p : manifest.parts) spec.parts.push_back(placement_part(p));
+  for (const PrototypeInfo& p : manifest.prototypes) spec.prototype_bytes.push_back(p.loaded_bytes);
+  spec.part_features.resize(manifest.parts.size());
+
+  wire::JobStart& s = spec.start;
+  s.set_job(std::random_device{}());
+  s.set_scene(manifest.scene.source);
+  s.set_manifest_bytes(std::filesystem::file_size(std::filesystem::path(folder) / "manifest.bin"));
+  s.set_content_hash(manifest.content_hash);
+  s.set_part_count(static_cast<std::uint32_t>(manifest.parts.size()));
+  s.set_width(spec.frame.width);
+  s.set_height(spec.frame.height);
+  s.set_x0(spec.frame.x0);
+  s.set_y0(spec.frame.y0);
+  s.set_x1(spec.frame.x1);
+  s.set_y1(spec.frame.y1);
+  s.set_spp(settings.spp);
+  s.set_seed(settings.seed);
+  s.set_k(settings.k);
+  s.set_columns(columns_of(manifest));
+  if (overrides.integrator) s.set_integrator(*overrides.integrator);
+  // Zero is a depth too, so it is an option and not the field in which zero means "from the scene".
+  if (overrides.max_depth) (*s.mutable_options())[kMaxDepth] = std::to_string(*overrides.max_depth);
+  if (shared_folder) s.set_parts_url(std::filesystem::absolute(folder).string());
+  return spec;
+}
+
+JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, Warnings& warnings) {
+  JobOverrides o;
+  o.spp = start.spp();
+  o.seed = static_cast<std::uint32_t>(start.seed());
+  if (!start.integrator().empty()) o.integrator = start.integrator();
+  if (const auto found = start.options().find(kMaxDepth); found != start.options().end()) {
+    const std::string& text = found->second;
+    std::uint32_t depth = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), depth);
+    if (error != std::errc{} || end != text.data() + text.size())
+      throw ClusterError("the job's max_depth is '" + text + "'");
+    o.max_depth = depth;
+  }
+  JobSettings settings = job_settings(manifest.scene, o, warnings);
+  settings.k = start.k();
+  settings.film.frame = {start.width(), start.height(), start.x0(), start.y0(), start.x1(), start.y1()};
+  const FilmFrame& f = settings.film.frame;
+  if (f.width == 0 || f.height == 0 || f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 ||
+      f.y0 >= f.y1 || f.x1 > f.width || f.y1 > f.height || settings.k < 0 || settings.k > 60 || settings.spp == 0)
+    throw ClusterError("the job's film or sample count makes no sense");
+  if (start.part_count() != manifest.parts.size() || start.content_hash() != manifest.content_hash)
+    throw ClusterError("the job's split is not the one that this host has");
+  return settings;
+}
+
+}  // namespace cloudrenderer

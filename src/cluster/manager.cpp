@@ -1,0 +1,219 @@
+#include "cluster/manager.h"
+
+#include <asio/post.hpp>
+#include <asio/steady_timer.hpp>
+
+#include "base/log.h"
+
+namespace cloudrenderer {
+namespace {
+
+// A host whose connection broke may be back in a moment; one that was killed is not missed for long.
+constexpr auto kComeBack = std::chrono::milliseconds(1500);
+constexpr std::size_t kMaxStrangers = 256;
+
+}  // namespace
+
+Manager::Manager(asio::io_context& io, const Clock& clock, Config config)
+    : io_(io), clock_(clock), config_(std::move(config)), core_(config_.core, config_.job), blobs_(config_.folder) {
+  ticker_ = std::make_shared<Ticker>(io, clock, [this] { return tick(); });
+}
+
+Manager::~Manager() { shut(); }
+
+Address Manager::listen(const Address& address) {
+  listener_ = std::make_unique<Listener>(io_, address, [this](std::unique_ptr<Stream> s) { accept(std::move(s)); });
+  return listener_->address();
+}
+
+void Manager::accept(std::unique_ptr<Stream> stream) {
+  if (sessions_.size() - session_hosts_.size() >= kMaxStrangers) {
+    spdlog::warn("{} is turned away: too many connections that have not introduced themselves", stream->peer());
+    return stream->close();
+  }
+  GreetingHandlers h;
+  h.proved = [](const auto&) {};
+  h.introduced = [this](const auto& s, wire::Message&& m) { return introduce(s, std::move(m)); };
+  h.frame = [this](const auto& s, WireFrame f) { receive(s, std::move(f)); };
+  h.closed = [this](const auto& s, const std::string& reason) { closed(s, reason); };
+  sessions_.insert(greet(std::move(stream), Handshake::Role::accepts, config_.token, std::move(h)));
+}
+
+bool Manager::introduce(const std::shared_ptr<Session>& session, wire::Message&& message) {
+  const auto* hello = std::get_if<wire::Hello>(&message);
+  if (hello == nullptr) {
+    session->close(std::string("it sent ") + wire::message_name(message) + " instead of Hello");
+    return false;
+  }
+  if (join_again(session, *hello)) return true;
+  const Result<HostId> id = core_.join(*hello, clock_.now());
+  if (!id) {
+    wire::Refused refused;
+    refused.set_reason(id.error());
+    send_unsequenced(*session, refused);
+    spdlog::warn("host {} at {} is refused: {}", hello->name(), session->peer(), id.error());
+    session->close_when_sent();
+    drain();
+    return false;
+  }
+  spdlog::info("host {} is {} at {}", id->value, hello->name(), session->peer());
+  Peer& peer = peers_[*id];
+  peer.incarnation = hello->incarnation();
+  peer.link = std::make_shared<PeerLink>(io_, config_.core.incarnation, hello->incarnation(), [this] { return clock_.now(); });
+  peer.connection = 1;
+  peer.link->attach(session);
+  session_hosts_[session.get()] = *id;
+  drain();
+  return true;
+}
+
+bool Manager::join_again(const std::shared_ptr<Session>& session, const wire::Hello& hello) {
+  for (auto& [id, peer] : peers_) {
+    if (peer.incarnation != hello.incarnation() || !peer.link) continue;
+    spdlog::info("host {} has connected again", id.value);
+    wire::Welcome welcome;
+    welcome.set_host(id.value);
+    welcome.set_incarnation(config_.core.incarnation);
+    welcome.set_heartbeat_s(config_.core.heartbeat_s);
+    welcome.set_lost_after_s(config_.core.lost_after_s);
+    send_unsequenced(*session, welcome);
+    ++peer.connection;
+    session_hosts_[session.get()] = id;
+    peer.link->attach(session);
+    return true;
+  }
+  return false;
+}
+
+void Manager::receive(const std::shared_ptr<Session>& session, WireFrame frame) {
+  const auto host = session_hosts_.find(session.get());
+  if (host == session_hosts_.end()) return;
+  const HostId id = host->second;
+  const auto peer = peers_.find(id);
+  if (peer == peers_.end()) return session->close("its host has left the job");
+  for (const wire::Bytes& payload : peer->second.link->receive(std::move(frame))) {
+    Result<wire::Message> message = wire::decode(*payload);
+    if (!message) return session->close(message.error());
+    handle(id, std::move(*message));
+  }
+  drain();
+}
+
+void Manager::handle(HostId from, wire::Message&& message) {
+  if (const auto* request = std::get_if<wire::BlobRequest>(&message)) {
+    const auto peer = peers_.find(from);
+    if (peer == peers_.end() || !peer->second.link) return;
+    const wire::Bytes bytes = wire::encode(blobs_.answer(*request));
+    blob_bytes_ += bytes->size();
+    return peer->second.link->send(bytes);
+  }
+  if (const auto* error = std::get_if<wire::Error>(&message)) {
+    spdlog::error("host {} cannot go on: {}", from.value, error->text());
+    return core_.host_lost(from, clock_.now());
+  }
+  core_.receive(from, std::move(message), clock_.now());
+}
+
+void Manager::closed(const std::shared_ptr<Session>& session, const std::string& reason) {
+  closed_sent_ += session->bytes_sent();
+  closed_received_ += session->bytes_received();
+  sessions_.erase(session);
+  const auto host = session_hosts_.find(session.get());
+  if (host == session_hosts_.end()) {
+    if (!reason.empty()) spdlog::warn("the connection of {} was closed: {}", session->peer(), reason);
+    return;
+  }
+  const HostId id = host->second;
+  session_hosts_.erase(host);
+  const auto peer = peers_.find(id);
+  if (peer == peers_.end() || shut_) return;
+  peer->second.link->detach(session.get());
+  if (peer->second.link->connected()) return;
+  spdlog::info("the connection of host {} has ended: {}", id.value, reason);
+  const auto timer = std::make_shared<asio::steady_timer>(io_, kComeBack);
+  timer->async_wait([this, id, timer, connection = peer->second.connection](const std::error_code&) {
+    const auto p = peers_.find(id);
+    if (shut_ || p == peers_.end() || p->second.connection != connection) return;
+    spdlog::warn("host {} is lost", id.value);
+    core_.host_lost(id, clock_.now());
+    drain();
+  });
+}
+
+Result<HostId> Manager::join_local(const wire::Hello& hello, std::function<void(wire::Message&&)> deliver) {
+  const Result<HostId> id = core_.join(hello, clock_.now());
+  if (!id) return id;
+  Peer& peer = peers_[*id];
+  peer.deliver_local = std::move(deliver);
+  peer.incarnation = hello.incarnation();
+  return id;
+}
+
+void Manager::receive_local(HostId from, wire::Message&& message) {
+  // Shared because a handler must be copyable; the message itself is never copied.
+  auto held = std::make_shared<wire::Message>(std::move(message));
+  asio::post(io_, [this, from, held] {
+    if (shut_) return;
+    handle(from, std::move(*held));
+    drain();
+  });
+}
+
+double Manager::tick() {
+  core_.tick(clock_.now());
+  drain();
+  return core_.deadline();
+}
+
+void Manager::drain() {
+  if (draining_ || shut_) return;
+  draining_ = true;
+  for (auto outbox = core_.take_outbox(); !outbox.empty(); outbox = core_.take_outbox()) {
+    for (auto& [to, message] : outbox) {
+      const auto peer = peers_.find(to);
+      if (peer == peers_.end()) continue;
+      if (peer->second.deliver_local) {
+        peer->second.deliver_local(std::move(message));
+      } else if (std::holds_alternative<wire::Welcome>(message)) {
+        // A host cannot check the sequence of a manager whose incarnation it does not know yet.
+        if (const auto session = peer->second.link->session()) send_unsequenced(*session, message);
+      } else {
+        peer->second.link->send(wire::encode(message));
+      }
+    }
+  }
+  for (const HostId gone : core_.take_gone()) {
+    const auto peer = peers_.find(gone);
+    if (peer == peers_.end()) continue;
+    if (peer->second.link) peer->second.link->close_when_sent();
+    peers_.erase(peer);
+  }
+  draining_ = false;
+  ticker_->at(core_.deadline());
+  if (config_.changed) config_.changed();
+}
+
+void Manager::shut() {
+  if (shut_) return;
+  shut_ = true;
+  listener_.reset();
+  ticker_->stop();
+  for (auto& [id, peer] : peers_)
+    if (peer.link) peer.link->close_when_sent();
+  for (const auto& session : sessions_)
+    if (!session_hosts_.contains(session.get())) session->close();
+}
+
+std::uint64_t Manager::bytes_sent() const {
+  std::uint64_t n = closed_sent_;
+  for (const auto& s : sessions_) n += s->bytes_sent();
+  return n - std::min(n, blob_bytes_);
+}
+
+std::uint64_t Manager::bytes_received() const {
+  std::uint64_t n = closed_received_;
+  for (const auto& s : sessions_) n += s->bytes_received();
+  return n;
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,176 @@
+#include "cluster/peers.h"
+
+#include <asio/co_spawn.hpp>
+#include <asio/post.hpp>
+#include <asio/steady_timer.hpp>
+#include <asio/use_awaitable.hpp>
+
+#include "base/log.h"
+
+namespace cloudrenderer {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr auto kAttempt = 3s;         // of one connection
+constexpr auto kBetweenAttempts = 1s;
+constexpr auto kOthersTurn = 3s;      // how long the host with the smaller number waits to be connected to
+constexpr std::size_t kMaxStrangers = 64;
+
+}  // namespace
+
+Peers::Peers(asio::io_context& io, Self self, PeerLink::Now now, Callbacks callbacks)
+    : io_(io), self_(std::move(self)), now_(std::move(now)), callbacks_(std::move(callbacks)) {}
+
+std::shared_ptr<PeerLink> Peers::link_of(HostId host) const {
+  const std::lock_guard lock(mutex_);
+  const auto peer = peers_.find(host);
+  return peer == peers_.end() ? nullptr : peer->second.link;
+}
+
+bool Peers::send(HostId to, const wire::Bytes& payload) {
+  const auto link = link_of(to);
+  if (link) link->send(payload);
+  return link != nullptr;
+}
+
+void Peers::update(const std::vector<wire::HostEntry>& hosts) {
+  const std::lock_guard lock(mutex_);
+  std::set<HostId> there;
+  for (const wire::HostEntry& h : hosts) {
+    const HostId host(h.host());
+    if (host == self_.host || host.value == 0) continue;
+    there.insert(host);
+    if (peers_.contains(host)) continue;
+    Peer peer;
+    try {
+      peer.address = Address::parse(h.address());
+    } catch (const UsageError& e) {
+      spdlog::warn("host {} cannot be reached: {}", h.host(), e.what());
+    }
+    peer.incarnation = h.incarnation();
+    peer.link = std::make_shared<PeerLink>(io_, self_.incarnation, h.incarnation(), now_);
+    spawn_connector(host, peers_[host] = std::move(peer));
+  }
+  std::erase_if(peers_, [&](auto& entry) {
+    if (there.contains(entry.first)) return false;
+    asio::post(io_, [link = entry.second.link] { link->close_when_sent(); });
+    return true;
+  });
+}
+
+void Peers::spawn_connector(HostId host, const Peer& peer) {
+  asio::co_spawn(io_, keep_connected(host, peer.link, peer.address, host < self_.host), [host](std::exception_ptr error) {
+    if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
+  });
+}
+
+asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address,
+                                            bool at_once) {
+  asio::steady_timer timer(io_);
+  if (!at_once) {
+    timer.expires_after(kOthersTurn);
+    co_await timer.async_wait(asio::use_awaitable);
+  }
+  while (link_of(host) == link && !link->connected()) {
+    std::string why;
+    try {
+      open(co_await connect(io_, address, kAttempt), Handshake::Role::connects);
+    } catch (const ClusterError& e) {
+      why = e.what();
+    }
+    if (!why.empty()) {
+      spdlog::warn("host {}: {}", host.value, why);
+      callbacks_.unreachable(host);
+    }
+    timer.expires_after(kBetweenAttempts);
+    co_await timer.async_wait(asio::use_awaitable);
+  }
+}
+
+void Peers::accept(std::unique_ptr<Stream> stream) {
+  if (sessions_.size() - session_hosts_.size() >= kMaxStrangers) return stream->close();
+  open(std::move(stream), Handshake::Role::accepts);
+}
+
+void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role) {
+  GreetingHandlers h;
+  h.proved = [this](const auto& session) {
+    wire::PeerHello hello;
+    hello.set_protocol(wire::kProtocolVersion);
+    hello.set_host(self_.host.value);
+    hello.set_incarnation(self_.incarnation);
+    send_unsequenced(*session, hello);
+  };
+  h.introduced = [this](const auto& session, wire::Message&& m) { return introduced(session, m); };
+  h.frame = [this](const auto& session, WireFrame f) { receive(session, std::move(f)); };
+  h.closed = [this](const auto& session, const std::string& reason) { closed(session, reason); };
+  auto session = greet(std::move(stream), role, self_.token, std::move(h));
+  const std::lock_guard lock(mutex_);
+  sessions_.insert(std::move(session));
+}
+
+bool Peers::introduced(const std::shared_ptr<Session>& session, const wire::Message& message) {
+  const auto* hello = std::get_if<wire::PeerHello>(&message);
+  if (hello == nullptr) {
+    session->close(std::string("it sent ") + wire::message_name(message) + " instead of PeerHello");
+    return false;
+  }
+  const HostId host(hello->host());
+  std::shared_ptr<PeerLink> link;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto peer = peers_.find(host);
+    if (peer != peers_.end() && peer->second.incarnation == hello->incarnation()) link = peer->second.link;
+  }
+  if (!link) {  // our list may be older than its: it tries again
+    session->close("it says that it is host " + std::to_string(host.value) + ", which is not known");
+    return false;
+  }
+  session_hosts_[session.get()] = host;
+  link->attach(session);
+  return true;
+}
+
+void Peers::receive(const std::shared_ptr<Session>& session, WireFrame frame) {
+  const auto host = session_hosts_.find(session.get());
+  const auto link = host == session_hosts_.end() ? nullptr : link_of(host->second);
+  if (!link) return session->close("its host has left the job");
+  const HostId from = host->second;
+  for (const wire::Bytes& payload : link->receive(std::move(frame))) {
+    Result<wire::Message> message = wire::decode(*payload);
+    if (!message) return session->close(message.error());
+    callbacks_.received(from, std::move(*message));
+  }
+}
+
+void Peers::closed(const std::shared_ptr<Session>& session, const std::string& reason) {
+  const auto known = session_hosts_.find(session.get());
+  const std::lock_guard lock(mutex_);
+  closed_sent_ += session->bytes_sent();
+  closed_received_ += session->bytes_received();
+  sessions_.erase(session);
+  if (known == session_hosts_.end()) {
+    if (!reason.empty()) spdlog::info("the connection of {} was closed: {}", session->peer(), reason);
+    return;
+  }
+  const HostId host = known->second;
+  session_hosts_.erase(known);
+  const auto peer = peers_.find(host);
+  if (peer == peers_.end()) return;
+  peer->second.link->detach(session.get());
+  if (peer->second.link->connected()) return;
+  spdlog::info("the connection to host {} has ended: {}", host.value, reason);
+  spawn_connector(host, peer->second);
+}
+
+std::pair<std::uint64_t, std::uint64_t> Peers::bytes() const {
+  const std::lock_guard lock(mutex_);
+  std::uint64_t sent = closed_sent_, received = closed_received_;
+  for (const auto& s : sessions_) {
+    sent += s->bytes_sent();
+    received += s->bytes_received();
+  }
+  return {sent, received};
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,63 @@
+#pragma once
+#include <asio/io_context.hpp>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/id.h"
+#include "net/greeting.h"
+#include "net/peer_link.h"
+
+namespace cloudrenderer {
+
+// A worker's connections to the other workers. Of two hosts the one with the larger number connects; the other one
+// tries only when nothing has come for a while.
+class Peers {
+ public:
+  struct Self {
+    HostId host;
+    std::uint64_t incarnation = 0;
+    std::string token;
+  };
+  struct Callbacks {
+    std::function<void(HostId, wire::Message&&)> received;
+    std::function<void(HostId)> unreachable;
+  };
+  Peers(asio::io_context& io, Self self, PeerLink::Now now, Callbacks callbacks);
+
+  bool send(HostId to, const wire::Bytes& payload);            // any thread; false: unknown host
+  void update(const std::vector<wire::HostEntry>& hosts);      // any thread: who is there now
+  std::pair<std::uint64_t, std::uint64_t> bytes() const;       // any thread: sent and received
+  void accept(std::unique_ptr<Stream> stream);                 // on the I/O thread, as what follows
+
+ private:
+  struct Peer {
+    Address address;
+    std::uint64_t incarnation = 0;
+    std::shared_ptr<PeerLink> link;
+  };
+  void open(std::unique_ptr<Stream> stream, Handshake::Role role);
+  asio::awaitable<void> keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address, bool at_once);
+  bool introduced(const std::shared_ptr<Session>& session, const wire::Message& message);
+  void receive(const std::shared_ptr<Session>& session, WireFrame frame);
+  void closed(const std::shared_ptr<Session>& session, const std::string& reason);
+  void spawn_connector(HostId host, const Peer& peer);
+  std::shared_ptr<PeerLink> link_of(HostId host) const;
+
+  asio::io_context& io_;
+  const Self self_;
+  const PeerLink::Now now_;
+  const Callbacks callbacks_;
+  mutable std::mutex mutex_;  // guards what follows
+  std::map<HostId, Peer> peers_;
+  std::set<std::shared_ptr<Session>> sessions_;
+  std::uint64_t closed_sent_ = 0, closed_received_ = 0;
+  std::map<const Session*, HostId> session_hosts_;  // I/O thread only
+};
+
+}  // namespace cloudrenderer

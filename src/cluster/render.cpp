@@ -1,0 +1,307 @@
+#include "cluster/render.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <asio/post.hpp>
+#include <asio/steady_timer.hpp>
+#include <filesystem>
+#include <fstream>
+
+#include "base/log.h"
+#include "cluster/job_start.h"
+#include "cluster/local_host.h"
+#include "cluster/processes.h"
+#include "cluster/usage.h"
+#include "cluster/worker.h"
+
+namespace cloudrenderer {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr auto kLook = 250ms;                 // progress, bounds, children
+constexpr double kEstimateEvery = 2;          // seconds between error estimates for the progress line
+constexpr auto kChildrenEnd = 5s;
+constexpr std::uint32_t kBoundedSpp = 1u << 16;  // samples at most when only --max-error ends the render
+
+// A secret that only hosts started by this process know.
+std::string write_token(const std::string& path) {
+  const std::string token = std::to_string(new_incarnation()) + std::to_string(new_incarnation());
+  std::ofstream(path) << token << "\n";
+  chmod(path.c_str(), S_IRUSR | S_IWUSR);
+  return token;
+}
+
+class RenderRun {
+ public:
+  RenderRun(const RenderRequest& request, const RenderObserver& observer, Interrupts& interrupts)
+      : request_(request), observer_(observer), interrupts_(interrupts), timer_(io_) {}
+
+  RenderOutcome run() {
+    open_scene();
+    start_manager();
+    start_hosts();
+    interrupts_.set_handler([this] { asio::post(io_, [this] { interrupt(); }); });
+    look();
+    io_.run();
+    interrupts_.set_handler(nullptr);
+    children_.wait(kChildrenEnd);
+    if (!error_.empty()) throw ClusterError(error_);
+    return finish();
+  }
+
+ private:
+  // While the scene is read nothing is worth waiting for: an interrupt removes the temporary folder and ends.
+  void open_scene() {
+    if (is_split_folder(request_.scene)) {
+      folder_ = request_.scene;
+      manifest_ = std::make_shared<Manifest>(open_split(folder_));
+    } else {
+      temporary_ = std::make_unique<TemporaryFolder>();
+      folder_ = temporary_->path();
+      interrupts_.set_handler([this] {
+        temporary_.reset();
+        _exit(5);
+      });
+      manifest_ = std::make_shared<Manifest>(split_scene(request_.scene, folder_, request_.split, warnings_));
+      interrupts_.set_handler(nullptr);
+    }
+    overrides_ = request_.overrides;
+    if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
+    facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
+    const FilmFrame& frame = facts_.settings.film.frame;
+    if (const auto& r = request_.reference; r && (r->width != frame.crop_width() || r->height != frame.crop_height()))
+      throw UsageError("the reference has " + std::to_string(r->width) + " x " + std::to_string(r->height) +
+                       " pixels, the picture " + std::to_string(frame.crop_width()) + " x " +
+                       std::to_string(frame.crop_height()));
+    facts_.warnings = warnings_.list();
+    facts_.parts = static_cast<std::uint32_t>(manifest_->parts.size());
+    facts_.triangles = manifest_->total_triangles;
+    for (const PartInfo& p : manifest_->parts) facts_.predicted_bytes += p.loaded_bytes;
+    for (const PrototypeInfo& p : manifest_->prototypes) facts_.predicted_bytes += p.loaded_bytes;
+    if (observer_.scene_ready) observer_.scene_ready(facts_);
+  }
+
+  bool in_process() const { return !request_.listen && request_.hosts <= 1; }
+
+  void start_manager() {
+    Manager::Config c;
+    c.core.incarnation = new_incarnation();
+    c.core.min_hosts = request_.listen ? request_.min_hosts : std::max(1u, request_.hosts);
+    c.core.replication = request_.replication;
+    c.core.lost_after_s = request_.lost_after_s;
+    c.core.allow_inexact = request_.allow_inexact;
+    c.core.hold_rounds = request_.max_error.has_value();
+    c.job = make_job_spec(*manifest_, facts_.settings, overrides_, folder_, true);
+    c.folder = folder_;
+    c.token = request_.token;
+    c.changed = [this] { changed(); };
+    if (!in_process() && !request_.listen) {
+      secrets_ = std::make_unique<TemporaryFolder>();
+      c.token = write_token(secrets_->path() + "/token");
+    }
+    manager_ = std::make_unique<Manager>(io_, clock_, std::move(c));
+  }
+
+  void start_hosts() {
+    if (in_process()) {
+      LocalHost::Config c;
+      c.name = "local";
+      c.memory = request_.memory;
+      c.threads = request_.threads;
+      c.alpha = request_.alpha;
+      c.manifest = manifest_;
+      c.failed = [this](const std::string& why) { fail(why); };
+      local_ = std::make_unique<LocalHost>(io_, clock_, *manager_, std::move(c));
+      return;
+    }
+    const Address at = manager_->listen(request_.listen.value_or(Address{"127.0.0.1", 0}));
+    if (request_.listen) {
+      if (observer_.listening) observer_.listening(at);
+      return;
+    }
+    for (std::uint32_t i = 1; i <= request_.hosts; ++i) {
+      std::vector<std::string> arguments{"worker",    "--manager",    at.to_string(),
+                                         "--listen",  "127.0.0.1:0",  "--threads", std::to_string(request_.threads),
+                                         "--memory",  std::to_string(request_.memory),
+                                         "--name",    "host" + std::to_string(i),
+                                         "--token-file", secrets_->path() + "/token",
+                                         "--parent",  std::to_string(getpid()),
+                                         "--log-level", request_.log_level,
+                                         "--alpha",   std::to_string(request_.alpha)};
+      children_.start(arguments);
+    }
+  }
+
+  void interrupt() {
+    if (interrupted_) return fail("interrupted twice");
+    interrupted_ = true;
+    manager_->core().cancel("interrupted", clock_.now());
+    manager_->drain();
+  }
+
+  void fail(const std::string& why) {
+    if (error_.empty()) error_ = why;
+    shut();
+  }
+
+  void shut() {
+    if (shut_) return;
+    shut_ = true;
+    timer_.cancel();
+    manager_->shut();
+    if (local_) local_->stop();
+  }
+
+  // After everything that may have moved the job on: ends of rounds and of the job.
+  void changed() {
+    if (shut_ || !manager_) return;
+    ManagerCore& core = manager_->core();
+    if (core.phase() == ManagerCore::Phase::failed) return fail(core.error());
+    if (core.finished()) return shut();
+    const std::uint32_t samples = core.complete_samples();
+    if (samples > recorded_samples_ && core.phase() == ManagerCore::Phase::rendering) {
+      recorded_samples_ = samples;
+      const double error = record();
+      if (request_.max_error && error <= *request_.max_error) bound_met_ = true;
+    }
+    if (!core.round_complete()) return;
+    // next_round() and stop() come back here through drain().
+    asio::post(io_, [this] {
+      if (shut_ || !manager_->core().round_complete()) return;
+      if (bound_met_)
+        manager_->core().stop(clock_.now());
+      else
+        manager_->core().next_round(clock_.now());
+      manager_->drain();
+    });
+  }
+
+  double record() {
+    const Film& film = manager_->core().film();
+    const float scale = facts_.settings.film.scale;
+    ConvergencePoint p;
+    p.render_s = clock_.now() - manager_->core().progress().render_began;
+    p.spp = manager_->core().complete_samples();
+    p.estimated_relmse = film.estimated_relmse(scale);
+    if (request_.reference) p.relmse = compare_images(film.image(scale), *request_.reference).relmse;
+    convergence_.push_back(p);
+    estimate_ = p.estimated_relmse;
+    estimated_at_ = clock_.now();
+    return p.estimated_relmse;
+  }
+
+  void look() {
+    timer_.expires_after(kLook);
+    timer_.async_wait([this](const std::error_code& cancelled) {
+      if (cancelled || shut_) return;
+      check();
+      if (!shut_) look();
+    });
+  }
+
+  void check() {
+    ManagerCore& core = manager_->core();
+    const double now = clock_.now();
+    const ManagerCore::Progress p = core.progress();
+    const bool rendering = core.phase() == ManagerCore::Phase::rendering;
+    if (!in_process() && !request_.listen) {
+      const std::size_t alive = children_.alive();
+      if (alive == 0 || (core.phase() == ManagerCore::Phase::gathering && alive < request_.hosts))
+        return fail("the hosts on this machine have ended");
+    }
+    if (request_.listen && p.hosts > 0) alone_since_ = now;
+    if (request_.listen && p.hosts == 0 && request_.wait_s && now > alone_since_ + *request_.wait_s)
+      return fail("no host has come in " + std::to_string(static_cast<int>(*request_.wait_s)) + " seconds");
+    if (rendering && request_.max_time_s && !stopped_ && now - p.render_began >= *request_.max_time_s) {
+      stopped_ = true;
+      core.stop(now);
+      manager_->drain();
+      if (shut_) return;
+    }
+    if (rendering && observer_.progress && now > estimated_at_ + kEstimateEvery) {
+      estimate_ = core.film().estimated_relmse(facts_.settings.film.scale);
+      estimated_at_ = now;
+    }
+    if (!observer_.progress) return;
+    RenderProgress out;
+    out.phase = core.phase();
+    out.elapsed_s = now;
+    out.render_s = rendering ? now - p.render_began : 0;
+    out.paths_done = p.paths_done;
+    out.paths_total = p.paths_total;
+    out.hosts = p.hosts;
+    out.estimated_relmse = estimate_;
+    observer_.progress(out);
+  }
+
+  RenderOutcome finish() {
+    ManagerCore& core = manager_->core();
+    const ManagerCore::Progress p = core.progress();
+    RenderOutcome out;
+    out.facts = std::move(facts_);
+    out.spp_done = core.complete_samples();
+    out.hosts = core.hosts();
+    out.bit_exact = core.bit_exact();
+    out.film = std::make_unique<Film>(std::move(core.film()));
+    out.interrupted = interrupted_;
+    if (convergence_.empty() || convergence_.back().spp < out.spp_done) {
+      const float scale = out.facts.settings.film.scale;
+      ConvergencePoint last;
+      last.render_s = p.render_ended - p.render_began;
+      last.spp = out.spp_done;
+      last.estimated_relmse = out.film->estimated_relmse(scale);
+      if (request_.reference) last.relmse = compare_images(out.film->image(scale), *request_.reference).relmse;
+      convergence_.push_back(last);
+    }
+    // A time that was asked for, too, ends a render that has not reached its error.
+    out.bound_met = !request_.max_error || convergence_.back().estimated_relmse <= *request_.max_error;
+    out.paths_done = p.paths_done;
+    out.invalid_samples = p.invalid_samples;
+    out.clamped_samples = p.clamped_samples;
+    out.load_s = p.render_began;
+    out.render_s = std::max(0.0, p.render_ended - p.render_began);
+    out.wire_bytes = manager_->bytes_sent();
+    out.cpu_s = cpu_seconds();
+    for (const auto& [id, host] : out.hosts) {
+      out.wire_bytes += host.last.counters().bytes_sent();
+      if (!local_) out.cpu_s += host.last.counters().cpu_s();
+    }
+    if (local_) out.engine_s = local_->engine_seconds();
+    out.convergence = std::move(convergence_);
+    out.wall_s = clock_.now();
+    return out;
+  }
+
+  const RenderRequest& request_;
+  const RenderObserver& observer_;
+  Interrupts& interrupts_;
+  Clock clock_;
+  asio::io_context io_{1};
+  asio::steady_timer timer_;
+  std::unique_ptr<TemporaryFolder> temporary_, secrets_;
+  std::string folder_;
+  std::shared_ptr<const Manifest> manifest_;
+  Warnings warnings_;
+  JobOverrides overrides_;
+  SceneFacts facts_;
+  ChildProcesses children_;
+  std::unique_ptr<Manager> manager_;
+  std::unique_ptr<LocalHost> local_;
+  std::string error_;
+  bool interrupted_ = false, shut_ = false, stopped_ = false, bound_met_ = false;
+  std::uint32_t recorded_samples_ = 0;
+  std::vector<ConvergencePoint> convergence_;
+  std::optional<double> estimate_;
+  double estimated_at_ = 0, alone_since_ = 0;
+};
+
+}  // namespace
+
+RenderOutcome render(const RenderRequest& request, const RenderObserver& observer, Interrupts& interrupts) {
+  return RenderRun(request, observer, interrupts).run();
+}
+
+std::uint64_t default_memory(std::uint32_t hosts) { return available_memory() / 5 * 4 / std::max(1u, hosts); }
+
+}  // namespace cloudrenderer

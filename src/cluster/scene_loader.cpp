@@ -1,0 +1,200 @@
+#include "cluster/scene_loader.h"
+
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "base/log.h"
+#include "cluster/job_start.h"
+#include "parts/check.h"
+#include "parts/split.h"
+
+namespace cloudrenderer {
+
+struct SceneLoader::Scene {
+  std::shared_ptr<const Manifest> manifest;
+  std::string folder;
+  std::unique_ptr<TemporaryFolder> fetched;     // holds what came over the wire; else the folder is somebody's
+  std::unique_ptr<Resident> resident;
+  std::unique_ptr<PathTracer> tracer;           // works on `resident`
+  std::vector<std::uint32_t> prototype_uses;    // by loaded parts
+};
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kFiles = "files/";
+constexpr std::uint64_t kLargestFile = std::uint64_t{1} << 40;
+
+// The names of all files/... that a scene refers to.
+std::set<std::string> referenced_files(const SceneDescription& scene) {
+  std::set<std::string> names;
+  const auto look = [&](const Entity& e) {
+    for (const Param& p : e.params.all())
+      if (p.type == ParamType::string)
+        for (const std::string& s : p.strings)
+          if (s.starts_with(kFiles)) names.insert(s.substr(kFiles.size()));
+  };
+  look(scene.camera);
+  look(scene.sampler);
+  look(scene.integrator);
+  for (const auto& e : scene.textures) look(e);
+  for (const auto& e : scene.materials) look(e);
+  for (const auto& e : scene.lights) look(e);
+  for (const auto& e : scene.area_lights) look(e);
+  return names;
+}
+
+void must(const std::string& error, const std::string& what) {
+  if (!error.empty()) throw ClusterError("cannot fetch " + what + ": " + error);
+}
+
+// Manifest and files of the scene, into an empty folder; parts follow when they are asked for.
+void fetch_scene(BlobFetcher& fetcher, const wire::JobStart& job, const std::string& folder) {
+  const std::string path = folder + "/manifest.bin";
+  must(fetcher.fetch({wire::BLOB_MANIFEST, 0, {}}, path, job.manifest_bytes()), "the manifest");
+  std::vector<std::byte> bytes(fs::file_size(path));
+  std::ifstream in(path, std::ios::binary);
+  in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  const Result<Manifest> manifest = decode_manifest(bytes);
+  if (!manifest) throw ClusterError("the manifest that the manager sent: " + manifest.error());
+  for (const std::string& name : referenced_files(manifest->scene)) {
+    if (fs::path(name).filename() != name) throw ClusterError("the manifest names a file outside of its folder");
+    must(fetcher.fetch({wire::BLOB_FILE, 0, name}, folder + "/files/" + name, kLargestFile), name);
+  }
+}
+
+template <class F>
+std::string error_of(F f) {
+  try {
+    f();
+    return {};
+  } catch (const std::exception& e) {
+    const std::string what = e.what();
+    return what.empty() ? "unknown error" : what;
+  }
+}
+
+}  // namespace
+
+SceneLoader::SceneLoader(unsigned build_threads, SceneSources sources)
+    : build_threads_(build_threads), sources_(std::move(sources)) {}
+SceneLoader::~SceneLoader() = default;
+
+std::unique_ptr<SceneLoader::Scene> SceneLoader::open(const wire::JobStart& job) {
+  auto scene = std::make_unique<Scene>();
+  if (sources_.manifest) {
+    scene->manifest = sources_.manifest;
+    scene->folder = job.parts_url();
+    return scene;
+  }
+  for (const std::string& folder : {sources_.folder, job.parts_url()}) {
+    if (folder.empty() || !is_split_folder(folder)) continue;
+    auto manifest = std::make_shared<Manifest>(open_split(folder));
+    if (manifest->content_hash != job.content_hash()) continue;
+    scene->manifest = std::move(manifest);
+    scene->folder = folder;
+    return scene;
+  }
+  if (!sources_.fetcher) throw ClusterError("the split is not at " + job.parts_url());
+  scene->fetched = std::make_unique<TemporaryFolder>();
+  scene->folder = scene->fetched->path();
+  fetch_scene(*sources_.fetcher, job, scene->folder);
+  scene->manifest = std::make_shared<Manifest>(open_split(scene->folder));
+  return scene;
+}
+
+std::string SceneLoader::start_job(const wire::JobStart& job) {
+  return error_of([&] {
+    end_job();
+    std::shared_ptr<Scene> scene = open(job);
+    Warnings warnings;  // the manager has told the user already
+    const JobSettings settings = settings_of(job, *scene->manifest, warnings);
+    Resident::Options options;
+    options.threads = build_threads_;
+    scene->resident = std::make_unique<Resident>(options);
+    scene->prototype_uses.assign(scene->manifest->prototypes.size(), 0);
+    load_prototypes(*scene, 0);
+    scene->tracer = std::make_unique<PathTracer>(*scene->manifest, settings, read(*scene, wire::BLOB_PART, 0),
+                                                 *scene->resident, warnings);
+    const std::lock_guard lock(mutex_);
+    scene_ = std::move(scene);
+  });
+}
+
+Part SceneLoader::read(Scene& scene, wire::BlobKind kind, std::uint32_t index) {
+  const bool part = kind == wire::BLOB_PART;
+  const std::string what = (part ? "part " : "prototype ") + std::to_string(index);
+  const std::string path = part ? part_path(scene.folder, index) : prototype_path(scene.folder, index);
+  const Manifest& m = *scene.manifest;
+  if (index >= (part ? m.parts.size() : m.prototypes.size())) throw ClusterError("there is no " + what);
+  if (scene.fetched && !fs::exists(path))
+    must(sources_.fetcher->fetch({kind, index, {}}, path, part ? m.parts[index].file_bytes : m.prototypes[index].file_bytes),
+         what);
+  Result<Part> read = read_part_file(path);
+  if (!read) throw ClusterError(what + ": " + read.error());
+  if (const auto bad = find_bad_reference(*read, m)) throw ClusterError(what + ": " + *bad);
+  return std::move(*read);
+}
+
+void SceneLoader::load_prototypes(Scene& scene, std::uint32_t part) {
+  for (const std::uint32_t p : scene.manifest->parts[part].prototypes) {
+    if (p >= scene.prototype_uses.size()) throw ClusterError("there is no prototype " + std::to_string(p));
+    if (scene.prototype_uses[p]++ == 0)
+      scene.resident->load_prototype(p, read(scene, wire::BLOB_PROTOTYPE, p));
+  }
+}
+
+std::string SceneLoader::load(PartId part) {
+  return error_of([&] {
+    const std::shared_ptr<Scene> s = scene();
+    if (!s) throw ClusterError("no job has been started");
+    Part data = read(*s, wire::BLOB_PART, part.value);
+    load_prototypes(*s, part.value);
+    s->resident->load_part(part, std::move(data));
+  });
+}
+
+void SceneLoader::unload(PartId part) {
+  const std::shared_ptr<Scene> s = scene();
+  if (!s || part.value >= s->manifest->parts.size()) return;
+  s->resident->unload_part(part);
+  for (const std::uint32_t p : s->manifest->parts[part.value].prototypes)
+    if (--s->prototype_uses[p] == 0) s->resident->unload_prototype(p);
+}
+
+void SceneLoader::end_job() {
+  const std::lock_guard lock(mutex_);
+  scene_.reset();
+}
+
+std::shared_ptr<SceneLoader::Scene> SceneLoader::scene() const {
+  const std::lock_guard lock(mutex_);
+  return scene_;
+}
+
+std::uint64_t SceneLoader::bytes_used() const {
+  const auto s = scene();
+  return s ? s->resident->bytes() + s->tracer->shading_bytes() : 0;
+}
+
+std::shared_ptr<const PathEngine> SceneLoader::engine() const {
+  const auto s = scene();
+  return s ? std::shared_ptr<const PathEngine>(s, s->tracer.get()) : nullptr;
+}
+
+std::uint64_t SceneLoader::peak_bytes() const {
+  const auto s = scene();
+  return s ? s->resident->peak_bytes() + s->tracer->shading_bytes() : 0;
+}
+
+std::array<double, 4> SceneLoader::engine_seconds() const {
+  const auto s = scene();
+  if (!s) return {};
+  const EngineTime& t = s->tracer->time();
+  const auto seconds = [](const std::atomic<std::uint64_t>& ns) { return static_cast<double>(ns.load()) * 1e-9; };
+  return {seconds(t.camera), seconds(t.trace), seconds(t.shade), seconds(t.occlusion)};
+}
+
+}  // namespace cloudrenderer

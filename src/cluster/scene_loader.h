@@ -1,0 +1,53 @@
+#pragma once
+#include <array>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "cluster/blob.h"
+#include "cluster/temp_folder.h"
+#include "integrator/path_tracer.h"
+#include "tasks/work.h"
+
+namespace cloudrenderer {
+
+// Where a host looks for the files of a split, in this order.
+struct SceneSources {
+  std::shared_ptr<const Manifest> manifest;  // of the folder that the job names: the manager's own process
+  std::string folder;                        // --parts
+  std::shared_ptr<BlobFetcher> fetcher;      // the manager; null: not possible
+};
+
+// A host's scene: fetches files, loads and drops parts, and makes the engine. The loader calls come from one thread.
+class SceneLoader final : public PartLoader {
+ public:
+  SceneLoader(unsigned build_threads, SceneSources sources);
+  ~SceneLoader() override;
+
+  std::string start_job(const wire::JobStart& job) override;
+  std::string load(PartId part) override;
+  void unload(PartId part) override;
+  void end_job() override;
+  std::uint64_t bytes_used() const override;
+
+  // Any thread. The engine is null outside of a job; whoever holds it keeps the whole scene alive.
+  std::shared_ptr<const PathEngine> engine() const;
+  std::uint64_t peak_bytes() const;
+  // Processor seconds of the engine so far: camera, trace, shade, occlusion.
+  std::array<double, 4> engine_seconds() const;
+
+ private:
+  struct Scene;
+  std::unique_ptr<Scene> open(const wire::JobStart& job);
+  Part read(Scene& scene, wire::BlobKind kind, std::uint32_t index);
+  void load_prototypes(Scene& scene, std::uint32_t part);
+  std::shared_ptr<Scene> scene() const;
+
+  const unsigned build_threads_;
+  const SceneSources sources_;
+  mutable std::mutex mutex_;  // guards the pointer
+  std::shared_ptr<Scene> scene_;
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,263 @@
+#include "cluster/worker.h"
+
+#include <asio/co_spawn.hpp>
+#include <asio/post.hpp>
+#include <asio/steady_timer.hpp>
+#include <asio/use_awaitable.hpp>
+#include <random>
+
+#include "base/log.h"
+#include "cluster/fingerprint.h"
+#include "cluster/peers.h"
+#include "cluster/ticker.h"
+#include "cluster/usage.h"
+#include "cluster/worker_node.h"
+#include "net/listener.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr HostId kManager{0};
+
+// A worker on this machine that talks to its manager and peers over TCP. Everything on the I/O thread unless said.
+class Worker {
+ public:
+  explicit Worker(const WorkerConfig& config)
+      : config_(config),
+        incarnation_(new_incarnation()),
+        fetcher_(std::make_shared<BlobFetcher>([this](wire::Message m) { deliver(kManager, std::move(m)); })),
+        loader_(config.threads, {nullptr, config.parts, fetcher_}) {}
+
+  void run() {
+    spawn(join(config_.patience));
+    io_.run();
+    fetcher_->fail("this host is going");
+    node_.reset();
+    if (!error_.empty()) throw ClusterError(error_);
+  }
+
+  void leave() {  // any thread
+    asio::post(io_, [this] {
+      if (!node_ || leaving_) return end(node_ ? "" : "interrupted before a manager was found");
+      leaving_ = true;
+      node_->leave("asked to leave");
+    });
+  }
+
+ private:
+  void spawn(asio::awaitable<void> work) {
+    asio::co_spawn(io_, std::move(work), [this](std::exception_ptr error) {
+      if (!error) return;
+      try {
+        std::rethrow_exception(error);
+      } catch (const std::exception& e) {
+        end(e.what());
+      }
+    });
+  }
+
+  void end(const std::string& error) {
+    if (error_.empty()) error_ = error;
+    io_.stop();
+  }
+
+  asio::awaitable<void> join(std::chrono::duration<double> patience) {
+    auto stream = co_await connect(
+        io_, config_.manager, std::chrono::duration_cast<std::chrono::steady_clock::duration>(patience));
+    if (!listener_) {
+      const Address here = config_.listen.value_or(Address{stream->local().host, 0});
+      listener_ = std::make_unique<Listener>(io_, here, [this](std::unique_ptr<Stream> s) {
+        if (peers_) return peers_->accept(std::move(s));
+        s->close();
+      });
+      advertised_ = config_.advertise.value_or(listener_->address());
+      // Told as it is, an address of all interfaces leads nowhere.
+      if (advertised_.host == "0.0.0.0" || advertised_.host == "::") advertised_.host = stream->local().host;
+    }
+    GreetingHandlers h;
+    h.proved = [this](const auto& session) {
+      wire::Hello hello = make_hello(incarnation_, config_.name, config_.memory, config_.threads, options_.path_credits);
+      hello.set_listen(advertised_.to_string());
+      hello.set_allow_inexact(config_.allow_inexact);
+      send_unsequenced(*session, hello);
+    };
+    h.introduced = [this](const auto& session, wire::Message&& m) { return welcomed(session, std::move(m)); };
+    h.frame = [this](const auto& session, WireFrame f) { receive(session, std::move(f)); };
+    h.closed = [this](const auto& session, const std::string& reason) { closed(session, reason); };
+    manager_session_ = greet(std::move(stream), Handshake::Role::connects, config_.token, std::move(h));
+  }
+
+  bool welcomed(const std::shared_ptr<Session>& session, wire::Message&& message) {
+    if (const auto* refused = std::get_if<wire::Refused>(&message)) {
+      end("the manager refuses this host: " + refused->reason());
+      return false;
+    }
+    const auto* welcome = std::get_if<wire::Welcome>(&message);
+    if (welcome == nullptr) {
+      end(std::string("the manager sent ") + wire::message_name(message) + " instead of Welcome");
+      return false;
+    }
+    const HostId self(welcome->host());
+    if (node_ && self != self_) {
+      end("the manager had given this host up");
+      return false;
+    }
+    lost_after_ = std::chrono::duration<double>(welcome->lost_after_s());
+    if (!node_) start(self, *welcome);
+    manager_->attach(session);
+    return true;
+  }
+
+  void start(HostId self, const wire::Welcome& welcome) {
+    self_ = self;
+    spdlog::info("this is host {}", self.value);
+    const auto now = [this] { return clock_.now(); };
+    manager_ = std::make_shared<PeerLink>(io_, incarnation_, welcome.incarnation(), now);
+    peers_ = std::make_unique<Peers>(io_, Peers::Self{self, incarnation_, config_.token}, now,
+                                     Peers::Callbacks{[this](HostId from, wire::Message&& m) { node_->receive(from, std::move(m)); },
+                                                      [this](HostId peer) { node_->peer_unreachable(peer); }});
+    options_.threads = config_.threads;
+    options_.alpha = config_.alpha;
+    options_.status_every_s = std::max(0.05, welcome.heartbeat_s());
+    ticker_ = std::make_shared<Ticker>(io_, clock_, [this] { return node_->tick(); });
+    WorkerNode::Callbacks c;
+    c.deliver = [this](HostId to, wire::Message&& m) { deliver(to, std::move(m)); };
+    c.deadline = [this](double t) { ticker_->at(t); };
+    c.failed = [this](const std::string& why) { asio::post(io_, [this, why] { give_up(why); }); };
+    c.counters = [this] { return counters(); };
+    node_ = std::make_unique<WorkerNode>(self, incarnation_, options_, loader_, clock_, std::move(c));
+    ticker_->at(clock_.now());
+  }
+
+  void receive(const std::shared_ptr<Session>& session, WireFrame frame) {
+    for (const wire::Bytes& payload : manager_->receive(std::move(frame))) {
+      Result<wire::Message> message = wire::decode(*payload);
+      if (!message) return session->close(message.error());
+      if (auto* chunk = std::get_if<wire::BlobChunk>(&*message)) {
+        fetcher_->receive(std::move(*chunk));
+        continue;
+      }
+      if (std::holds_alternative<wire::JobEnd>(*message) || std::holds_alternative<wire::CancelJob>(*message))
+        job_over_ = true;
+      node_->receive(kManager, std::move(*message));
+    }
+    sync_peers();
+  }
+
+  void closed(const std::shared_ptr<Session>& session, const std::string& reason) {
+    closed_sent_ += session->bytes_sent();
+    closed_received_ += session->bytes_received();
+    if (manager_session_ == session) manager_session_.reset();
+    if (!manager_)
+      return end("the manager at " + config_.manager.to_string() + " has ended the connection (" + reason +
+                 "); do both have the same --token-file?");
+    manager_->detach(session.get());
+    if (job_over_ || node_->left()) return end({});
+    spdlog::warn("the connection to the manager has ended: {}", reason);
+    spawn(join(std::max(lost_after_, std::chrono::duration<double>(1))));
+  }
+
+  // Any thread.
+  void deliver(HostId to, wire::Message&& message) {
+    if (to == kManager) return manager_->send(wire::encode(message));
+    const auto bytes = wire::encode(message);
+    if (peers_->send(to, bytes)) return;
+    sync_peers();  // the core has heard of a new host a moment ago
+    if (!peers_->send(to, bytes)) spdlog::debug("a message for host {}, which has gone", to.value);
+  }
+
+  void sync_peers() {  // any thread
+    const std::lock_guard lock(sync_mutex_);
+    std::vector<wire::HostEntry> hosts;
+    if (node_->new_hosts(hosts_version_, hosts)) peers_->update(hosts);
+  }
+
+  void give_up(const std::string& why) {
+    wire::Error error;
+    error.set_text(why);
+    manager_->send(wire::encode(error));
+    manager_->close_when_sent();
+    job_over_ = true;
+    error_ = why;
+  }
+
+  DriverCounters counters() {  // any thread
+    DriverCounters c = process_counters();
+    std::uint64_t sent = closed_sent_, received = closed_received_;
+    if (const auto s = manager_ ? manager_->session() : nullptr) {
+      sent += s->bytes_sent();
+      received += s->bytes_received();
+    }
+    const auto [peer_sent, peer_received] = peers_->bytes();
+    c.bytes_sent = sent + peer_sent;
+    c.bytes_received = received + peer_received;
+    c.memory_used = loader_.bytes_used();
+    c.memory_peak = memory_peak_ = std::max<std::uint64_t>(memory_peak_, loader_.peak_bytes());
+    return c;
+  }
+
+  const WorkerConfig config_;
+  const std::uint64_t incarnation_;
+  Clock clock_;
+  asio::io_context io_{1};
+  WorkerOptions options_;
+  std::shared_ptr<BlobFetcher> fetcher_;
+  SceneLoader loader_;
+  std::unique_ptr<Listener> listener_;
+  Address advertised_;
+  HostId self_;
+  std::shared_ptr<PeerLink> manager_;
+  std::shared_ptr<Session> manager_session_;
+  std::unique_ptr<Peers> peers_;
+  std::shared_ptr<Ticker> ticker_;
+  std::mutex sync_mutex_;
+  std::uint64_t hosts_version_ = 0;
+  std::chrono::duration<double> lost_after_{10};
+  std::atomic<std::uint64_t> closed_sent_ = 0, closed_received_ = 0, memory_peak_ = 0;
+  bool job_over_ = false, leaving_ = false;
+  std::string error_;
+  std::unique_ptr<WorkerNode> node_;  // last: its threads use the rest
+};
+
+}  // namespace
+
+std::uint64_t new_incarnation() {
+  std::random_device device;
+  for (;;) {
+    const std::uint64_t n = std::uint64_t{device()} << 32 | device();
+    if (static_cast<std::uint32_t>(n) != 0) return n;  // the low half stands in frame headers; zero means none
+  }
+}
+
+wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory, unsigned threads,
+                       std::uint64_t path_credits) {
+  wire::Hello h;
+  h.set_protocol(wire::kProtocolVersion);
+  h.set_incarnation(incarnation);
+  h.set_name(name);
+  h.set_memory(memory);
+  h.set_threads(threads);
+  for (int c = wire::LOADER; c <= wire::INTERSECTION; ++c) h.add_categories(static_cast<wire::Category>(c));
+  for (const char* feature : {"triangles", "quadrics", "alpha"}) h.add_features(feature);
+  h.set_instruction_set(kInstructionSet);
+  h.set_fingerprint(numeric_fingerprint());
+  h.set_path_credits(path_credits);
+  h.set_version(CLOUDRENDERER_VERSION);
+  return h;
+}
+
+DriverCounters process_counters() {
+  DriverCounters c;
+  c.cpu_s = cpu_seconds();
+  c.peak_rss = peak_rss();
+  return c;
+}
+
+void run_worker(const WorkerConfig& config, const std::function<void(std::function<void()>)>& on_leave) {
+  Worker worker(config);
+  on_leave([&worker] { worker.leave(); });
+  worker.run();
+  on_leave(nullptr);
+}
+
+}  // namespace cloudrenderer

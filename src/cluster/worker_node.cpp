@@ -1,0 +1,167 @@
+#include "cluster/worker_node.h"
+
+#include <limits>
+
+#include "base/log.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr double kCountEvery = 0.2;
+
+}  // namespace
+
+WorkerNode::WorkerNode(HostId self, std::uint64_t incarnation, const WorkerOptions& options, SceneLoader& loader,
+                       const Clock& clock, Callbacks callbacks)
+    : loader_(loader),
+      clock_(clock),
+      callbacks_(std::move(callbacks)),
+      core_(self, incarnation, options),
+      announced_(std::numeric_limits<double>::infinity()) {
+  for (std::uint32_t i = 0; i < options.threads; ++i) threads_.emplace_back([this] { compute(); });
+  threads_.emplace_back([this] { load(); });
+}
+
+WorkerNode::~WorkerNode() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  work_.notify_all();
+  load_work_.notify_all();
+  for (std::thread& t : threads_) t.join();
+}
+
+void WorkerNode::receive(HostId from, wire::Message message) {
+  std::unique_lock lock(mutex_);
+  // The report that ends a job carries the driver's counters of this moment.
+  if (std::holds_alternative<wire::JobEnd>(message) || std::holds_alternative<wire::CancelJob>(message))
+    core_.set_driver_counters(callbacks_.counters());
+  core_.receive(from, std::move(message), clock_.now());
+  after(lock);
+}
+
+double WorkerNode::tick() {
+  std::unique_lock lock(mutex_);
+  const double now = clock_.now();
+  if (now > counted_ + kCountEvery) {
+    counted_ = now;
+    core_.set_driver_counters(callbacks_.counters());
+  }
+  core_.tick(now);
+  announced_ = std::numeric_limits<double>::infinity();
+  const double deadline = core_.deadline();
+  announced_ = deadline;
+  after(lock);
+  return deadline;
+}
+
+void WorkerNode::peer_unreachable(HostId peer) {
+  std::unique_lock lock(mutex_);
+  core_.peer_unreachable(peer);
+  after(lock);
+}
+
+void WorkerNode::leave(const std::string& reason) {
+  std::unique_lock lock(mutex_);
+  core_.leave(reason);
+  after(lock);
+}
+
+bool WorkerNode::left() const {
+  const std::lock_guard lock(mutex_);
+  return core_.left();
+}
+
+bool WorkerNode::new_hosts(std::uint64_t& version, std::vector<wire::HostEntry>& hosts) const {
+  const std::lock_guard lock(mutex_);
+  if (core_.hosts_version() == version) return false;
+  version = core_.hosts_version();
+  hosts = core_.hosts();
+  return true;
+}
+
+void WorkerNode::after(std::unique_lock<std::mutex>& lock) {
+  if (core_.has_work()) work_.notify_one();
+  if (core_.has_load_work()) load_work_.notify_one();
+  WorkerCore::Outbox more = core_.take_outbox();
+  std::move(more.begin(), more.end(), std::back_inserter(outgoing_));
+  const double deadline = core_.deadline();
+  const bool earlier = deadline < announced_;
+  if (earlier) announced_ = deadline;
+  if (!draining_ && !outgoing_.empty()) {
+    draining_ = true;
+    while (!outgoing_.empty()) {
+      WorkerCore::Outbox batch = std::exchange(outgoing_, {});
+      lock.unlock();
+      for (auto& [to, message] : batch) callbacks_.deliver(to, std::move(message));
+      batch.clear();
+      lock.lock();
+    }
+    draining_ = false;
+  }
+  if (earlier) {
+    lock.unlock();
+    callbacks_.deadline(deadline);
+    lock.lock();
+  }
+}
+
+void WorkerNode::compute() {
+  prepare_compute_thread();
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    std::optional<Work> work = core_.take(clock_.now());
+    if (!work) {
+      work_.wait(lock);
+      continue;
+    }
+    if (core_.has_work()) work_.notify_one();
+    run(*work, lock);
+  }
+}
+
+void WorkerNode::load() {
+  prepare_compute_thread();
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    std::optional<Work> work = core_.take_load(clock_.now());
+    if (!work) {
+      load_work_.wait(lock);
+      continue;
+    }
+    run(*work, lock);
+  }
+}
+
+void WorkerNode::run(Work& work, std::unique_lock<std::mutex>& lock) {
+  lock.unlock();
+  std::string failure;
+  try {
+    WorkResult result;
+    if (is_loader_work(work)) {
+      result = execute(loader_, work);
+    } else {
+      const std::shared_ptr<const PathEngine> engine = loader_.engine();
+      if (!engine) throw ClusterError("there are paths to trace, but no scene");
+      result = execute(*engine, work);
+    }
+    lock.lock();
+    if (is_loader_work(work)) core_.set_driver_counters(callbacks_.counters());
+    core_.finish(work, result, clock_.now());
+    after(lock);
+    lock.unlock();
+    work.what = CameraWork{};  // what is left of the batch is freed outside of the lock
+  } catch (const std::exception& e) {
+    if (lock.owns_lock()) lock.unlock();
+    failure = e.what();
+  }
+  if (!failure.empty()) callbacks_.failed(failure);
+  lock.lock();
+  if (failure.empty()) return;
+  stopping_ = true;
+  work_.notify_all();
+  load_work_.notify_all();
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,59 @@
+#include "net/greeting.h"
+
+namespace cloudrenderer {
+namespace {
+
+struct Greeting {
+  Handshake handshake;
+  GreetingHandlers handlers;
+  bool proved = false, introduced = false;
+
+  void receive(const std::shared_ptr<Session>& session, WireFrame frame) {
+    if (introduced) return handlers.frame(session, std::move(frame));
+    if (!frame.payload) return session->close("it acknowledges messages before it has introduced itself");
+    Result<wire::Message> message = wire::decode(*frame.payload);
+    if (!message) return session->close(message.error());
+    if (!handshake.done()) {
+      Result<std::vector<wire::Message>> answer = handshake.receive(*message);
+      if (!answer) return session->close(answer.error());
+      for (const wire::Message& m : *answer) send_unsequenced(*session, m);
+      if (handshake.done() && !proved) {
+        proved = true;
+        handlers.proved(session);
+      }
+      return;
+    }
+    // A challenge may come behind the proof.
+    if (std::holds_alternative<wire::Challenge>(*message)) {
+      Result<std::vector<wire::Message>> answer = handshake.receive(*message);
+      if (!answer) return session->close(answer.error());
+      for (const wire::Message& m : *answer) send_unsequenced(*session, m);
+      return;
+    }
+    if (!handlers.introduced(session, std::move(*message))) return;
+    introduced = true;
+    session->trust();
+  }
+};
+
+}  // namespace
+
+std::shared_ptr<Session> greet(std::unique_ptr<Stream> stream, Handshake::Role role, const std::string& secret,
+                               GreetingHandlers handlers, const SessionLimits& limits) {
+  auto session = std::make_shared<Session>(std::move(stream), limits);
+  auto greeting = std::make_shared<Greeting>(Greeting{Handshake(role, secret), std::move(handlers)});
+  // The session owns its handlers until it ends; they must not own the session.
+  const std::weak_ptr<Session> weak = session;
+  session->start({[weak, greeting](WireFrame frame) {
+                    if (const auto s = weak.lock()) greeting->receive(s, std::move(frame));
+                  },
+                  [weak, greeting](const std::string& reason) {
+                    if (const auto s = weak.lock()) greeting->handlers.closed(s, reason);
+                  }});
+  for (const wire::Message& m : greeting->handshake.begin()) send_unsequenced(*session, m);
+  return session;
+}
+
+void send_unsequenced(Session& session, const wire::Message& message) { session.send({{}, wire::encode(message)}); }
+
+}  // namespace cloudrenderer

@@ -1,0 +1,3 @@
+cloudrenderer_test(cli_tests LABEL unit
+  SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/cli_parse_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/cli_report_test.cpp
+  LINK cr_cli)
