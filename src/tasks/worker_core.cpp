@@ -195,7 +195,7 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
   const bool holder = std::any_of(map_.holdings().begin(), map_.holdings().end(),
                                   [&](const wire::Holding& h) { return h.host() == self_.value; });
   if (leaving_ && !holder) refuse_below_ = std::max(refuse_below_, map_.epoch());
-  std::erase_if(unreachable_, [&](HostId h) { return !known(h); });
+  std::erase_if(unreachable_, [&](const auto& u) { return !known(u.first); });
   if (again) {
     // A host was lost with paths that nobody can tell: every owner makes what it still lacks once more, and nothing
     // of before goes on. Copies that do arrive are equal to the bit and count once.
@@ -204,29 +204,27 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
     for (const wire::Holding& d : map_.drops())
       if (d.host() == self_.value) unload({d.parts().begin(), d.parts().end()}, true);
   } else {
-    regroup_without_lost_hosts();
+    regroup();
   }
   retry_stranded(true);
   for (auto& [sender, submit] : std::exchange(early_, {})) handle(sender, submit);
 }
 
-// Hosts that left in good order have accepted nothing any more: what was sent to them looks for another way.
-void WorkerCore::regroup_without_lost_hosts() {
+// What gathers was routed by the old map: it must not leave under the number of the new one, for a host that has given
+// its parts away takes blocks of the new epoch as meant. And hosts that left in good order have accepted nothing that
+// they did not answer: that looks for another way too.
+void WorkerCore::regroup() {
   for (auto it = gather_.begin(); it != gather_.end();) {
     Gather& g = it->second;
-    if (!gone(it->first)) {
-      ++it;
-      continue;
-    }
     if (!g.segments.empty()) {
       move(g.segment_task, p_map_changed);
-      strand(g.segment_task, TraceWork::Returned{std::move(g.segments), {}}, g.segment_count);
+      strand(g.segment_task, TraceWork::Returned{std::exchange(g.segments, {}), {}}, std::exchange(g.segment_count, 0));
     }
     if (!g.asks.empty()) {
       move(g.ask_task, p_map_changed);
-      strand(g.ask_task, ResolveWork::Answered{std::move(g.asks), {}, {}, {}}, g.ask_count);
+      strand(g.ask_task, ResolveWork::Answered{std::exchange(g.asks, {}), {}, {}, {}}, std::exchange(g.ask_count, 0));
     }
-    it = gather_.erase(it);
+    it = gone(it->first) ? gather_.erase(it) : std::next(it);
   }
   std::vector<Uuid> lost;
   for (const auto& [id, waiting] : waiting_)
@@ -243,10 +241,8 @@ void WorkerCore::regroup_without_lost_hosts() {
   }
 }
 
-void WorkerCore::peer_unreachable(HostId peer) {
-  if (std::find(unreachable_.begin(), unreachable_.end(), peer) == unreachable_.end()) unreachable_.push_back(peer);
-}
-void WorkerCore::peer_reachable(HostId peer) { std::erase(unreachable_, peer); }
+void WorkerCore::peer_unreachable(HostId peer) { unreachable_[peer] = now_; }
+void WorkerCore::peer_reachable(HostId peer) { unreachable_.erase(peer); }
 
 void WorkerCore::leave(const std::string& reason) {
   leaving_ = true;

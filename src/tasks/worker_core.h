@@ -75,7 +75,8 @@ class WorkerCore {
   bool has_load_work() const;
   Outbox take_outbox() { return std::exchange(outbox_, {}); }
 
-  // The driver cannot reach a peer (or can again): told to the manager with every status, which then decides.
+  // An attempt to reach a peer has failed (or succeeded again): told to the manager with every status for some seconds,
+  // or for as long as attempts go on failing. It decides.
   void peer_unreachable(HostId peer);
   void peer_reachable(HostId peer);
   void set_driver_counters(const DriverCounters& c);
@@ -150,7 +151,7 @@ class WorkerCore {
   void set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries);
   void forget_in_flight();               // all path work but renderer tasks and path ends
   void forget_job();
-  void regroup_without_lost_hosts();
+  void regroup();
   bool known(HostId h) const { return routing_->slot(h) != Routing::kNoSlot; }
   bool gone(HostId h) const { return !known(h) && seen_.contains(h); }
   void unload(const std::vector<std::uint32_t>& parts, bool before_paths);
@@ -212,7 +213,7 @@ class WorkerCore {
   std::uint32_t refuse_below_ = 0;       // epoch: blocks routed by an older map may ask for unloaded parts
   std::vector<wire::HostEntry> host_entries_;
   std::uint64_t hosts_version_ = 0;
-  std::vector<HostId> unreachable_;
+  std::map<HostId, double> unreachable_;  // and when an attempt failed last
   std::set<HostId> seen_;                // hosts of all maps of this job: what is not in it is yet to come
 
   // tasks

@@ -8,6 +8,7 @@ namespace cloudrenderer {
 namespace {
 
 constexpr HostId kManager{0};
+constexpr double kUnreachableFor = 8;  // longer than drivers take from one attempt to the next
 
 template <class T>
 T pop(std::deque<T>& queue) {
@@ -211,8 +212,10 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
   if (!stale) {
     ready_local(std::move(r.next));
     ready_shade(std::move(r.to_shade));
-    for (LeavingSegments& l : r.leaving) gather(known(l.to) ? l.to : HostId(), std::move(l.kept));
-    for (LeavingAsks& l : r.asks) gather(known(l.to) ? l.to : HostId(), std::move(l.asks));
+    const bool old_map = work.routing->epoch() != routing_->epoch();  // hosts are chosen again
+    for (LeavingSegments& l : r.leaving) gather(old_map ? HostId() : l.to, std::move(l.kept));
+    for (LeavingAsks& l : r.asks) gather(old_map ? HostId() : l.to, std::move(l.asks));
+    if (old_map) retry_stranded(true);
     for (auto& [to, reply] : r.replies) send(to, std::move(reply));
   }
   flush_all();
@@ -343,7 +346,8 @@ wire::Status WorkerCore::status() const {
   c.set_memory_used(driver_.memory_used);
   c.set_memory_peak(driver_.memory_peak);
   c.set_peak_rss(driver_.peak_rss);
-  for (const HostId h : unreachable_) s.add_unreachable(h.value);
+  for (const auto& [peer, when] : unreachable_)
+    if (now_ - when < kUnreachableFor) s.add_unreachable(peer.value);
   return s;
 }
 

@@ -23,6 +23,7 @@ class ColumnWriter {
     at_ += sizeof v;
   }
   void put_low(const void* v, std::size_t bytes) {
+    if (bytes == 0) return;  // v may be null
     std::memcpy(at_, v, bytes);
     at_ += bytes;
   }

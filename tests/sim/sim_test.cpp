@@ -11,7 +11,7 @@
 namespace cloudrenderer::sim {
 namespace {
 
-constexpr std::uint64_t kSeeds = 4000;  // of the ordinary test run, in shards
+constexpr std::uint64_t kSeeds = 2400;  // of the ordinary test run, in shards
 
 std::uint64_t from_environment(const char* name, std::uint64_t otherwise) {
   const char* text = std::getenv(name);

@@ -1,0 +1,355 @@
+#include <gtest/gtest.h>
+
+#include "tasks/manager_core.h"
+
+namespace cloudrenderer {
+namespace {
+
+JobSpec job(std::uint32_t parts = 5, std::uint32_t side = 64, std::uint32_t spp = 16) {
+  JobSpec j;
+  j.frame = {side, side, 0, 0, side, side};
+  j.spp = spp;
+  j.start.set_job(1);
+  for (std::uint32_t p = 0; p < parts; ++p) j.parts.push_back({100, Vec3(static_cast<float>(p)), {}});
+  return j;
+}
+
+// The manager with hosts that do as they are told.
+struct Cluster {
+  explicit Cluster(ManagerOptions o = {}, JobSpec spec = job()) : core(o, std::move(spec)) {}
+
+  HostId join(std::uint64_t memory = 10000) {
+    wire::Hello h;
+    h.set_protocol(wire::kProtocolVersion);
+    h.set_memory(memory);
+    h.set_threads(1);
+    h.set_path_credits(20000);
+    const auto id = core.join(h, now);
+    EXPECT_TRUE(id) << id.error();
+    return *id;
+  }
+  // Collects what was said, per host.
+  void listen() {
+    for (auto& [to, m] : core.take_outbox()) {
+      if (auto* load = std::get_if<wire::LoadParts>(&m))
+        for (const std::uint32_t p : load->parts()) ordered[to].insert(p);
+      if (auto* map = std::get_if<wire::SceneHostMap>(&m)) maps[to] = *map;
+      if (auto* task = std::get_if<wire::SubmitTask>(&m)) tasks[to].push_back(*task);
+      if (std::holds_alternative<wire::JobEnd>(m)) ended.insert(to);
+    }
+  }
+  void report_loaded(HostId h) {
+    listen();
+    wire::LoadReport r;
+    r.set_job(1);
+    for (const std::uint32_t p : ordered[h]) r.add_loaded(p);
+    core.receive(h, r, now);
+    listen();
+  }
+  void do_task(HostId h, const wire::SubmitTask& t) {
+    const auto& range = std::get<RendererRange>(t.payload);
+    wire::RendererReply r;
+    r.task = range.task;
+    r.sums.resize(std::size_t{range.x1 - range.x0} * (range.y1 - range.y0));
+    for (PixelSums& p : r.sums)
+      for (std::uint32_t s = range.sample_begin; s < range.sample_end; ++s) p.add({1, 2, 3}, s);
+    core.receive(h, wire::Reply{t.id, 1, std::move(r)}, now);
+  }
+  // Until nobody has a task.
+  void work(std::size_t at_most = 100000) {
+    for (;;) {
+      listen();
+      bool any = false;
+      for (auto& [h, list] : tasks) {
+        if (list.empty() || gone.contains(h) || at_most == 0) continue;
+        const auto t = list.front();
+        list.erase(list.begin());
+        do_task(h, t);
+        --at_most;
+        any = true;
+      }
+      if (!any) return;
+      now += 0.01;
+    }
+  }
+  void finals() {
+    wire::Status s;
+    s.set_final(true);
+    for (const HostId h : ended) core.receive(h, s, now);
+  }
+  std::uint64_t outstanding_paths(HostId h) {
+    std::uint64_t n = 0;
+    for (const auto& t : tasks[h]) n += std::get<RendererRange>(t.payload).paths();
+    return n;
+  }
+
+  double now = 0;
+  ManagerCore core;
+  std::map<HostId, std::set<std::uint32_t>> ordered;
+  std::map<HostId, wire::SceneHostMap> maps;
+  std::map<HostId, std::vector<wire::SubmitTask>> tasks;
+  std::set<HostId> ended, gone;
+};
+
+using Phase = ManagerCore::Phase;
+
+TEST(ManagerCore, GoesFromGatheringToDone) {
+  ManagerOptions o;
+  o.min_hosts = 2;
+  Cluster c(o);
+  const HostId a = c.join();
+  EXPECT_EQ(c.core.phase(), Phase::gathering);
+  const HostId b = c.join();
+  EXPECT_EQ(c.core.phase(), Phase::loading);
+  c.report_loaded(a);
+  c.report_loaded(b);
+  EXPECT_EQ(c.core.phase(), Phase::rendering);
+  EXPECT_EQ(c.maps[a].holdings_size(), 2);
+  EXPECT_FALSE(c.tasks[a].empty());
+  EXPECT_FALSE(c.tasks[b].empty());
+  c.work();
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+  EXPECT_EQ(c.ended.size(), 2u);
+  c.finals();
+  EXPECT_EQ(c.core.phase(), Phase::done);
+  for (const PixelSums& p : c.core.film().sums()) {
+    EXPECT_EQ(p.count, (std::array<std::uint32_t, 2>{8, 8}));
+    EXPECT_TRUE(p.sum[1][2] == 24);
+  }
+  EXPECT_EQ(c.core.progress().paths_done, 64u * 64 * 16);
+  EXPECT_EQ(c.core.take_gone().size(), 2u);
+}
+
+TEST(ManagerCore, DoesNotWaitForEverForFinalCounters) {
+  Cluster c;
+  c.report_loaded(c.join());
+  c.work();
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+  c.core.tick(c.now + 3.5);
+  EXPECT_EQ(c.core.phase(), Phase::done);
+}
+
+TEST(ManagerCore, KeepsHostsBusyButNotMoreThanTheirCreditsTakeUp) {
+  Cluster c({}, job(5, 512, 64));
+  const HostId a = c.join();
+  c.report_loaded(a);
+  EXPECT_GE(c.outstanding_paths(a), 20000u);
+  EXPECT_LE(c.outstanding_paths(a), 60000u);
+}
+
+TEST(ManagerCore, MakesTasksSmallerTowardsTheEnd) {
+  Cluster c({}, job(5, 64, 64));
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  std::map<std::uint32_t, std::uint64_t> paths;  // in the order of handing out
+  const auto look = [&] {
+    c.listen();
+    for (const HostId h : {a, b})
+      for (const auto& t : c.tasks[h]) {
+        const auto& range = std::get<RendererRange>(t.payload);
+        paths[range.task] = range.paths();
+      }
+  };
+  for (look(); !c.tasks[a].empty() || !c.tasks[b].empty(); look()) c.work(1);
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+  EXPECT_LE(paths.rbegin()->second * 8, paths.begin()->second);
+}
+
+TEST(ManagerCore, DropsARepeatedReply) {
+  Cluster c;
+  const HostId a = c.join();
+  c.report_loaded(a);
+  const auto t = c.tasks[a].at(0);
+  c.do_task(a, t);
+  const auto done = c.core.progress().paths_done;
+  c.do_task(a, t);
+  EXPECT_EQ(c.core.progress().paths_done, done);
+  EXPECT_EQ(c.core.progress().dropped_messages, 1u);
+}
+
+TEST(ManagerCore, DropsAReplyOfSomeoneElse) {
+  Cluster c;
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  c.do_task(b, c.tasks[a].at(0));
+  EXPECT_EQ(c.core.progress().paths_done, 0u);
+}
+
+TEST(ManagerCore, GivesTheTasksOfALostHostToOthersUnderNewNumbers) {
+  Cluster c;
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  std::set<std::uint32_t> old;
+  for (const auto& t : c.tasks[b]) old.insert(std::get<RendererRange>(t.payload).task);
+  const auto generation = c.maps[a].generation();
+  c.gone.insert(b);
+  c.core.host_lost(b, 1);
+  c.listen();
+  EXPECT_EQ(c.maps[a].generation(), generation + 1);
+  EXPECT_EQ(c.maps[a].hosts_size(), 1);
+  for (const auto& t : c.tasks[a]) EXPECT_FALSE(old.contains(std::get<RendererRange>(t.payload).task));
+  c.work();
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+  for (const PixelSums& p : c.core.film().sums()) EXPECT_EQ(p.count[0] + p.count[1], 16u);
+  EXPECT_TRUE(c.core.hosts().at(b).lost);
+}
+
+TEST(ManagerCore, LosesASilentHost) {
+  Cluster c;
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  c.now = 9;
+  c.core.receive(a, wire::Status(), c.now);
+  c.core.tick(11);
+  EXPECT_EQ(c.core.take_gone(), (std::vector<HostId>{b}));
+  EXPECT_EQ(c.core.progress().hosts, 1u);
+}
+
+TEST(ManagerCore, LoadsPartsWithoutAHolderElsewhere) {
+  ManagerOptions o;
+  o.min_hosts = 3;
+  Cluster c(o, job(21));
+  const HostId a = c.join(1300), b = c.join(1300), d = c.join(1300);
+  for (const HostId h : {a, b, d}) c.report_loaded(h);
+  ASSERT_EQ(c.core.phase(), Phase::rendering);
+  const auto before = c.ordered;
+  c.core.host_lost(b, 1);
+  c.listen();
+  std::set<std::uint32_t> held = c.ordered[a];
+  held.insert(c.ordered[d].begin(), c.ordered[d].end());
+  EXPECT_EQ(held.size(), 20u);
+  EXPECT_NE(c.ordered[a].size() + c.ordered[d].size(), before.at(a).size() + before.at(d).size());
+}
+
+TEST(ManagerCore, FailsWithATextWhenTheRestCannotHoldTheScene) {
+  Cluster c({}, job(21));
+  const HostId a = c.join(2200), b = c.join(1300);
+  c.report_loaded(a);
+  c.report_loaded(b);
+  ASSERT_EQ(c.core.phase(), Phase::rendering);
+  c.core.host_lost(a, 1);
+  EXPECT_EQ(c.core.phase(), Phase::failed);
+  EXPECT_NE(c.core.error().find("the parts need"), std::string::npos) << c.core.error();
+}
+
+TEST(ManagerCore, WaitsForMoreHostsWhereToldTo) {
+  ManagerOptions o;
+  o.wait_for_room_s = 100;
+  Cluster c(o, job(21));
+  const HostId a = c.join(1300);
+  EXPECT_FALSE(c.core.finished());
+  EXPECT_NE(c.core.waiting_for(), "");
+  const HostId b = c.join(1500);
+  c.report_loaded(a);
+  c.report_loaded(b);
+  EXPECT_EQ(c.core.phase(), Phase::rendering);
+  EXPECT_EQ(c.core.waiting_for(), "");
+}
+
+TEST(ManagerCore, LetsAHostJoinInTheMiddle) {
+  Cluster c;
+  const HostId a = c.join();
+  c.report_loaded(a);
+  const auto epoch = c.maps[a].epoch();
+  c.work(1);
+  const HostId b = c.join();
+  c.listen();
+  EXPECT_EQ(c.maps[a].epoch(), epoch);
+  c.report_loaded(b);
+  EXPECT_EQ(c.maps[a].epoch(), epoch + 1);
+  EXPECT_EQ(c.maps[a].generation(), c.maps[b].generation());
+  EXPECT_EQ(c.maps[b].hosts_size(), 2);
+}
+
+TEST(ManagerCore, LetsAHostGoWhenItsWorkIsDone) {
+  Cluster c({}, job(5, 256, 64));
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  c.core.receive(b, wire::Leave(), 1);
+  c.listen();
+  EXPECT_EQ(c.maps[a].holdings_size(), 1);
+  const auto generation = c.maps[a].generation();
+  c.work(200);
+  EXPECT_FALSE(c.ended.contains(b));
+  while (!c.tasks[b].empty()) {
+    const auto t = c.tasks[b].front();
+    c.tasks[b].erase(c.tasks[b].begin());
+    c.do_task(b, t);
+  }
+  wire::Status idle;
+  idle.set_idle(true);
+  idle.set_epoch(c.maps[b].epoch());
+  c.core.receive(b, idle, 2);
+  c.listen();
+  EXPECT_TRUE(c.ended.contains(b));
+  EXPECT_EQ(c.maps[a].hosts_size(), 1);
+  EXPECT_EQ(c.maps[a].generation(), generation);
+  EXPECT_FALSE(c.core.hosts().at(b).lost);
+}
+
+TEST(ManagerCore, RefusesHostsThatDoNotFit) {
+  ManagerOptions o;
+  Cluster c(o);
+  wire::Hello h;
+  h.set_protocol(99);
+  EXPECT_FALSE(c.core.join(h, 0));
+  h.set_protocol(wire::kProtocolVersion);
+  h.set_memory(50);
+  EXPECT_FALSE(c.core.join(h, 0));
+  h.set_memory(10000);
+  h.set_fingerprint(5);
+  EXPECT_TRUE(c.core.join(h, 0));
+  h.set_fingerprint(6);
+  EXPECT_FALSE(c.core.join(h, 0));
+  EXPECT_TRUE(c.core.bit_exact());
+  h.set_allow_inexact(true);
+  EXPECT_TRUE(c.core.join(h, 0));
+  EXPECT_FALSE(c.core.bit_exact());
+}
+
+TEST(ManagerCore, EndsWithAReasonWhenNoHostCanStart) {
+  Cluster c;
+  const HostId a = c.join();
+  wire::LoadReport r;
+  r.set_job(1);
+  r.set_error("the manifest is of another version");
+  c.core.receive(a, r, 0);
+  EXPECT_EQ(c.core.phase(), Phase::failed);
+  EXPECT_NE(c.core.error().find("another version"), std::string::npos);
+}
+
+TEST(ManagerCore, StopsWithWhatIsOnTheWay) {
+  Cluster c({}, job(5, 256, 64));
+  const HostId a = c.join();
+  c.report_loaded(a);
+  c.core.stop(1);
+  c.work();
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+  EXPECT_GT(c.core.progress().paths_done, 0u);
+  EXPECT_LT(c.core.progress().paths_done, c.core.progress().paths_total);
+}
+
+TEST(ManagerCore, HoldsRoundsUntilTheDriverDecides) {
+  ManagerOptions o;
+  o.hold_rounds = true;
+  o.round_samples = 4;
+  Cluster c(o);
+  c.report_loaded(c.join());
+  c.work();
+  ASSERT_TRUE(c.core.round_complete());
+  EXPECT_EQ(c.core.complete_samples(), 4u);
+  for (const PixelSums& p : c.core.film().sums()) EXPECT_EQ(p.count[0] + p.count[1], 4u);
+  c.core.next_round(1);
+  c.work();
+  EXPECT_EQ(c.core.complete_samples(), 8u);
+  c.core.stop(1);
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+}
+
+}  // namespace
+}  // namespace cloudrenderer

@@ -1,0 +1,3 @@
+cloudrenderer_test(wire_tests LABEL unit
+  SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/wire_codec_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/wire_hostile_test.cpp
+  LINK cr_wire)

@@ -1,0 +1,222 @@
+#include <gtest/gtest.h>
+
+#include "wire_support.h"
+
+namespace cloudrenderer::wire {
+namespace {
+
+template <class T>
+T there_and_back(const T& m) {
+  const Bytes bytes = encode(m);
+  auto back = decode(*bytes);
+  EXPECT_TRUE(back) << back.error();
+  return std::get<T>(std::move(*back));
+}
+
+void expect_equal(const PathSegment& a, const PathSegment& b) {
+  EXPECT_EQ(a.origin, b.origin);
+  EXPECT_EQ(a.direction, b.direction);
+  EXPECT_EQ(a.throughput, b.throughput);
+  EXPECT_EQ(a.previous_pdf, b.previous_pdf);
+  EXPECT_EQ(a.radiance, b.radiance);
+  EXPECT_EQ(a.previous_normal, b.previous_normal);
+  EXPECT_EQ(a.best.t, b.best.t);
+  EXPECT_EQ(a.best.shape, b.best.shape);
+  EXPECT_EQ(a.best.primitive, b.best.primitive);
+  EXPECT_EQ(a.tested, b.tested);
+  EXPECT_EQ(a.task, b.task);
+  EXPECT_EQ(a.pixel, b.pixel);
+  EXPECT_EQ(a.sample, b.sample);
+  EXPECT_EQ(a.owner, b.owner);
+  EXPECT_EQ(a.vertex, b.vertex);
+  EXPECT_EQ(a.flags, b.flags);
+  EXPECT_EQ(a.window, b.window);
+  EXPECT_EQ(a.passed, b.passed);
+  EXPECT_EQ(a.cone_width, b.cone_width);
+  EXPECT_EQ(a.cone_spread, b.cone_spread);
+}
+
+TEST(Codec, KeepsEveryBitOfASegment) {
+  const SubmitTask sent = some_block(300);
+  const SubmitTask got = there_and_back(sent);
+  EXPECT_EQ(got.id, sent.id);
+  EXPECT_EQ(got.epoch, 3u);
+  EXPECT_EQ(got.generation, 4u);
+  const auto& a = *std::get<SegmentBlock>(sent.payload).chunks[0];
+  const auto& b = *std::get<SegmentBlock>(got.payload).chunks[0];
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) expect_equal(a[i], b[i]);
+}
+
+TEST(Codec, JoinsTheChunksOfABlock) {
+  SubmitTask sent = some_block(10);
+  std::get<SegmentBlock>(sent.payload).chunks.push_back(some_segments(5, 10));
+  const auto got = std::get<SegmentBlock>(there_and_back(sent).payload);
+  ASSERT_EQ(got.chunks.size(), 1u);
+  ASSERT_EQ(got.size(), 15u);
+  for (std::size_t i = 0; i < 15; ++i) expect_equal((*got.chunks[0])[i], some_segment(i));
+}
+
+TEST(Codec, LeavesOutColumnsThatTheJobDoesNotNeed) {
+  const auto got = std::get<SegmentBlock>(there_and_back(some_block(20, kColumnTested)).payload);
+  const PathSegment& s = (*got.chunks[0])[7];
+  const PathSegment original = some_segment(7);
+  EXPECT_EQ(s.tested, original.tested);
+  EXPECT_EQ(s.window, original.window);
+  EXPECT_EQ(s.best.t, kInfinity);
+  EXPECT_EQ(s.previous_normal, Vec3(0.f));
+  EXPECT_EQ(s.cone_width, 0.f);
+  EXPECT_EQ(s.passed, original.passed);
+}
+
+TEST(Codec, NeedsAboutAHundredBytesASegment) {
+  SubmitTask block = some_block(640, kColumnBestHit | kColumnTested);
+  EXPECT_LT(encode(block)->size(), 640u * 108);
+  block = some_block(640, 0);
+  EXPECT_LT(encode(block)->size(), 640u * 86);
+  EXPECT_LT(encode(block)->size(), std::size_t{64} << 10);
+}
+
+TEST(Codec, TakesTheNarrowestRadianceThatIsExact) {
+  for (const std::int64_t v : {std::int64_t{0}, std::int64_t{-1}, std::int64_t{127}, std::int64_t{128}, std::int64_t{-128},
+                               std::int64_t{-129}, std::int64_t{1} << 40, -(std::int64_t{1} << 47),
+                               std::numeric_limits<std::int64_t>::max(), std::numeric_limits<std::int64_t>::min()}) {
+    PathEnds m;
+    m.ends.resize(3);
+    m.ends[1].radiance = {v, 1, -1};
+    const PathEnds got = there_and_back(m);
+    EXPECT_EQ(got.ends[1].radiance, m.ends[1].radiance) << v;
+    EXPECT_EQ(got.ends[2].radiance, m.ends[2].radiance);
+  }
+  PathEnds small, large;
+  small.ends.resize(100);
+  large.ends.resize(100);
+  large.ends[5].radiance[2] = std::int64_t{1} << 50;
+  EXPECT_EQ(encode(large)->size() - encode(small)->size(), 100u * 3 * 6);
+}
+
+TEST(Codec, KeepsPathEnds) {
+  PathEnds m;
+  m.generation = 9;
+  m.ends.push_back({1, 2, 3, 4, kEndInvalid, {5, -6, 7}});
+  const PathEnds got = there_and_back(m);
+  EXPECT_EQ(got.generation, 9u);
+  ASSERT_EQ(got.ends.size(), 1u);
+  EXPECT_EQ(got.ends[0].task, 1u);
+  EXPECT_EQ(got.ends[0].pixel, 2u);
+  EXPECT_EQ(got.ends[0].sample, 3u);
+  EXPECT_EQ(got.ends[0].owner, 4u);
+  EXPECT_EQ(got.ends[0].flags, kEndInvalid);
+}
+
+TEST(Codec, KeepsRays) {
+  const auto got = std::get<OcclusionBlock>(there_and_back(some_rays(77)).payload);
+  ASSERT_EQ(got.size(), 77u);
+  EXPECT_EQ((*got.chunks[0])[5].origin, some_segment(5).origin);
+  EXPECT_EQ((*got.chunks[0])[5].t_max, 5.f);
+}
+
+TEST(Codec, KeepsPixelSumsOf128Bits) {
+  RendererReply r;
+  r.task = 5;
+  r.invalid = 1;
+  r.clamped = 2;
+  r.sums.resize(4);
+  for (std::uint32_t i = 0; i < 4; ++i)
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      r.sums[i].count[half] = i + half;
+      for (std::uint32_t c = 0; c < 3; ++c)
+        r.sums[i].sum[half][c] = (static_cast<Int128>(c % 2 ? -1 : 1) << (20 * i + 10 * c)) + c;
+    }
+  const auto got = there_and_back(Reply{{1, 2}, 3, r});
+  const auto& back = std::get<RendererReply>(got.payload);
+  EXPECT_EQ(back.task, 5u);
+  EXPECT_EQ(back.invalid, 1u);
+  EXPECT_EQ(back.clamped, 2u);
+  ASSERT_EQ(back.sums.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(back.sums[i].count, r.sums[i].count);
+    EXPECT_TRUE(back.sums[i].sum == r.sums[i].sum) << i;
+  }
+}
+
+TEST(Codec, KeepsReplies) {
+  TracerReply t;
+  t.count = 70;
+  t.accepted = {~std::uint64_t{0}, 0b101011};
+  t.tested = {3, 4};
+  Reply got = there_and_back(Reply{{1, 2}, 3, t});
+  EXPECT_EQ(std::get<TracerReply>(got.payload).accepted, t.accepted);
+  EXPECT_EQ(std::get<TracerReply>(got.payload).tested, t.tested);
+  EXPECT_TRUE(std::get<TracerReply>(got.payload).windows.empty());
+  t.windows = {0, 2};
+  got = there_and_back(Reply{{1, 2}, 3, t});
+  EXPECT_EQ(std::get<TracerReply>(got.payload).windows, t.windows);
+
+  OcclusionReply o;
+  o.count = 65;
+  o.blocked = {5, 1};
+  got = there_and_back(Reply{{1, 2}, 3, o});
+  EXPECT_EQ(std::get<OcclusionReply>(got.payload).blocked, o.blocked);
+
+  got = there_and_back(Reply{{1, 2}, 8, Refusal{}});
+  EXPECT_EQ(got.epoch, 8u);
+  EXPECT_TRUE(std::holds_alternative<Refusal>(got.payload));
+}
+
+TEST(Codec, KeepsRendererTasks) {
+  const RendererRange r{9, 1, 2, 33, 34, 5, 21};
+  const auto got = std::get<RendererRange>(there_and_back(SubmitTask{{1, 2}, 3, 4, r}).payload);
+  EXPECT_EQ(got.task, 9u);
+  EXPECT_EQ(got.x1, 33u);
+  EXPECT_EQ(got.y0, 2u);
+  EXPECT_EQ(got.paths(), r.paths());
+}
+
+TEST(Codec, KeepsControlMessages) {
+  Hello hello;
+  hello.set_threads(3);
+  hello.set_name("w\xc3\xb6rker");
+  hello.add_categories(INTERSECTION);
+  EXPECT_EQ(there_and_back(hello).SerializeAsString(), hello.SerializeAsString());
+  SceneHostMap map;
+  map.set_part_count(3);
+  map.add_hosts()->set_host(4);
+  map.add_holdings()->set_host(4);
+  map.mutable_holdings(0)->add_parts(2);
+  EXPECT_EQ(there_and_back(map).SerializeAsString(), map.SerializeAsString());
+  BlobChunk chunk;
+  chunk.set_data(std::string(kMaxBlobChunk, 'x'));
+  chunk.set_total(kMaxBlobChunk + 5);
+  chunk.set_offset(5);
+  EXPECT_EQ(there_and_back(chunk).data().size(), kMaxBlobChunk);
+}
+
+TEST(Codec, NamesMessages) {
+  EXPECT_STREQ(message_name(Challenge()), "Challenge");
+  EXPECT_STREQ(message_name(some_block(1)), "SubmitTask");
+  EXPECT_STREQ(message_name(Error()), "Error");
+}
+
+TEST(FrameHeader, GoesThereAndBack) {
+  const auto bytes = encode_frame_header({1, 2, 3, 4}, 1000);
+  const auto h = decode_frame_header(bytes);
+  ASSERT_TRUE(h);
+  EXPECT_EQ(h->payload_bytes, 1000u);
+  EXPECT_EQ(h->link.incarnation, 1u);
+  EXPECT_EQ(h->link.sequence, 2u);
+  EXPECT_EQ(h->link.ack, 3u);
+  EXPECT_EQ(h->link.window, 4u);
+}
+
+TEST(FrameHeader, RefusesAbsurdLengths) {
+  EXPECT_FALSE(decode_frame_header(encode_frame_header({}, kMaxFrameBytes)));
+  EXPECT_TRUE(decode_frame_header(encode_frame_header({}, kMaxFrameBytes - 20)));
+  auto bytes = encode_frame_header({}, 0);
+  EXPECT_TRUE(decode_frame_header(bytes));
+  bytes[0] = std::byte{15};
+  EXPECT_FALSE(decode_frame_header(bytes));
+}
+
+}  // namespace
+}  // namespace cloudrenderer::wire
