@@ -9,7 +9,8 @@ using Outcome = RendererLedger::Outcome;
 const RendererRange kRange{3, 10, 20, 14, 22, 4, 8};
 constexpr std::uint32_t kWidth = 100;
 
-PathEnd end_of(std::uint32_t x, std::uint32_t y, std::uint32_t sample, std::int64_t value, std::uint16_t flags = 0) {
+PathEnd end_of(std::uint32_t x, std::uint32_t y, std::uint32_t sample, std::int64_t value,
+               std::uint16_t flags = 0) {
   return {3, y * kWidth + x, sample, 1, flags, {value, 0, -value}};
 }
 

@@ -158,7 +158,8 @@ TEST(Link, SurvivesABadNetwork) {
       for (const bool from_a : {true, false}) {
         while (auto f = (from_a ? p.a : p.b).next(now)) {
           for (int copies = (r = mix64(r)) % 5 == 0 ? 2 : 1; copies > 0; --copies)
-            if ((r = mix64(r)) % 3 != 0) air.emplace(now + 0.01 * static_cast<double>(mix64(r) % 20), std::pair(from_a, *f));
+            if ((r = mix64(r)) % 3 != 0)
+              air.emplace(now + 0.01 * static_cast<double>(mix64(r) % 20), std::pair(from_a, *f));
         }
       }
       while (!air.empty() && air.begin()->first <= now) {

@@ -10,7 +10,8 @@ JobSpec job(std::uint32_t parts = 5, std::uint32_t side = 64, std::uint32_t spp 
   j.frame = {side, side, 0, 0, side, side};
   j.spp = spp;
   j.start.set_job(1);
-  for (std::uint32_t p = 0; p < parts; ++p) j.parts.push_back({100, Vec3(static_cast<float>(p)), {}});
+  for (std::uint32_t p = 0; p < parts; ++p)
+    j.parts.push_back({100, Vec3(static_cast<float>(p)), {}});
   return j;
 }
 
@@ -190,7 +191,8 @@ TEST(ManagerCore, GivesTheTasksOfALostHostToOthersUnderNewNumbers) {
   c.listen();
   EXPECT_EQ(c.maps[a].generation(), generation + 1);
   EXPECT_EQ(c.maps[a].hosts_size(), 1);
-  for (const auto& t : c.tasks[a]) EXPECT_FALSE(old.contains(std::get<RendererRange>(t.payload).task));
+  for (const auto& t : c.tasks[a])
+    EXPECT_FALSE(old.contains(std::get<RendererRange>(t.payload).task));
   c.work();
   EXPECT_EQ(c.core.phase(), Phase::ending);
   for (const PixelSums& p : c.core.film().sums()) EXPECT_EQ(p.count[0] + p.count[1], 16u);

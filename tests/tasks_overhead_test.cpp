@@ -1,4 +1,5 @@
-// What the core costs where nothing moves: the path of a segment through queues and results on one host.
+// What the core costs where nothing moves: the path of a segment through queues and results on one
+// host.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -77,17 +78,22 @@ TEST(Overhead, OfTheCoreIsSmallAgainstTracingARay) {
     }
     core.receive(kManagerHost, map_of(1, 1, 1, {{1, {}}}), 0);
     for (std::uint32_t i = 0; i < 16; ++i)
-      core.receive(kManagerHost, wire::SubmitTask{{2, i + 1}, 1, 1, RendererRange{i, i * 32, 0, i * 32 + 32, 32, 0, 16}}, 0);
+      core.receive(
+          kManagerHost,
+          wire::SubmitTask{{2, i + 1}, 1, 1, RendererRange{i, i * 32, 0, i * 32 + 32, 32, 0, 16}},
+          0);
     const auto start = Clock::now();
     while (auto w = core.take(0)) {
       WorkResult r = execute(engine, *w);
       core.finish(*w, r, 0);
     }
     const auto outside = Clock::now() - start - engine.inside;
-    best = std::min(best, std::chrono::duration<double, std::nano>(outside).count() / static_cast<double>(engine.shaded));
+    best = std::min(best, std::chrono::duration<double, std::nano>(outside).count() /
+                              static_cast<double>(engine.shaded));
     ASSERT_EQ(engine.shaded, 16u * 32 * 32 * 16 * 8);
     std::size_t replies = 0;
-    for (const auto& [to, m] : core.take_outbox()) replies += std::holds_alternative<wire::Reply>(m);
+    for (const auto& [to, m] : core.take_outbox())
+      replies += std::holds_alternative<wire::Reply>(m);
     EXPECT_EQ(replies, 16u);
   }
   std::cout << "overhead of the core: " << best << " ns a segment\n";

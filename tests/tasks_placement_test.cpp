@@ -10,11 +10,14 @@ namespace {
 
 constexpr std::uint64_t kMiB = 1u << 20;
 
-PlacementInput scene(std::size_t parts, std::uint64_t bytes, std::size_t hosts, std::uint64_t memory) {
+PlacementInput scene(std::size_t parts, std::uint64_t bytes, std::size_t hosts,
+                     std::uint64_t memory) {
   PlacementInput in;
   in.parts.push_back({kMiB, {}, {}});
-  for (std::size_t p = 0; p < parts; ++p) in.parts.push_back({bytes, Vec3(static_cast<float>(p)), {}});
-  for (std::size_t h = 0; h < hosts; ++h) in.hosts.push_back({HostId(static_cast<std::uint32_t>(h + 1)), memory, {}, {}});
+  for (std::size_t p = 0; p < parts; ++p)
+    in.parts.push_back({bytes, Vec3(static_cast<float>(p)), {}});
+  for (std::size_t h = 0; h < hosts; ++h)
+    in.hosts.push_back({HostId(static_cast<std::uint32_t>(h + 1)), memory, {}, {}});
   return in;
 }
 
@@ -25,9 +28,11 @@ std::vector<int> copies(const PlacementInput& in, const std::vector<std::vector<
   return n;
 }
 
-void expect_within_budgets(const PlacementInput& in, const std::vector<std::vector<PartId>>& placed) {
+void expect_within_budgets(const PlacementInput& in,
+                           const std::vector<std::vector<PartId>>& placed) {
   for (std::size_t h = 0; h < placed.size(); ++h) {
-    std::set<std::uint32_t> prototypes(in.parts[0].prototypes.begin(), in.parts[0].prototypes.end());
+    std::set<std::uint32_t> prototypes(in.parts[0].prototypes.begin(),
+                                       in.parts[0].prototypes.end());
     std::uint64_t used = in.parts[0].bytes;
     for (const PartId p : placed[h]) {
       used += in.parts[p.value].bytes;
@@ -87,7 +92,8 @@ TEST(Placement, KeepsNeighboursTogether) {
   ASSERT_TRUE(placed);
   int together = 0;
   for (const auto& host : *placed)
-    for (std::size_t i = 1; i < host.size(); ++i) together += host[i].value == host[i - 1].value + 1;
+    for (std::size_t i = 1; i < host.size(); ++i)
+      together += host[i].value == host[i - 1].value + 1;
   EXPECT_GE(together, 48);
 }
 
@@ -135,7 +141,8 @@ TEST(Placement, GivesNoHostWhatItCannotTrace) {
 TEST(Placement, SaysWhatIsMissing) {
   const auto small = place(scene(100, kMiB, 3, 20 * kMiB));
   ASSERT_FALSE(small);
-  EXPECT_NE(small.error().find("the parts need 100 MiB (1 copy)"), std::string::npos) << small.error();
+  EXPECT_NE(small.error().find("the parts need 100 MiB (1 copy)"), std::string::npos)
+      << small.error();
   const auto tiny = place(scene(1, kMiB, 1, 1000));
   ASSERT_FALSE(tiny);
   EXPECT_NE(tiny.error().find("host 1 may use"), std::string::npos) << tiny.error();

@@ -11,7 +11,8 @@ struct HostIs {
   std::vector<std::uint32_t> parts;
 };
 
-Routing routing(std::uint32_t self, std::uint32_t part_count, const std::vector<HostIs>& hosts, float alpha = 0.25f) {
+Routing routing(std::uint32_t self, std::uint32_t part_count, const std::vector<HostIs>& hosts,
+                float alpha = 0.25f) {
   wire::SceneHostMap map;
   map.set_epoch(1);
   map.set_part_count(part_count);
@@ -110,7 +111,8 @@ TEST(Cover, CoversEverythingThatIsHeldWithoutNeedlessHosts) {
     const auto covers = [&](std::size_t without) {
       for (const PartId p : needed) {
         bool held = r.holders(p).empty();
-        for (std::size_t i = 0; i < chosen.size(); ++i) held |= i != without && r.holds(chosen[i], p);
+        for (std::size_t i = 0; i < chosen.size(); ++i)
+          held |= i != without && r.holds(chosen[i], p);
         if (!held) return false;
       }
       return true;

@@ -12,8 +12,9 @@ namespace cloudrenderer {
 
 inline constexpr HostId kManagerHost{0};
 
-inline wire::SceneHostMap map_of(std::uint32_t epoch, std::uint32_t generation, std::uint32_t parts,
-                                 const std::vector<std::pair<std::uint32_t, std::vector<std::uint32_t>>>& holders) {
+inline wire::SceneHostMap map_of(
+    std::uint32_t epoch, std::uint32_t generation, std::uint32_t parts,
+    const std::vector<std::pair<std::uint32_t, std::vector<std::uint32_t>>>& holders) {
   wire::SceneHostMap m;
   m.set_epoch(epoch);
   m.set_generation(generation);
@@ -49,7 +50,8 @@ class NoLoader final : public PartLoader {
 struct TestHost {
   static constexpr std::uint32_t kParts = 9, kWidth = 8;
 
-  explicit TestHost(std::uint32_t self, WorkerOptions options = {}, const sim::MadeUpScene& scene = {7, kParts, kWidth, 6, 5})
+  explicit TestHost(std::uint32_t self, WorkerOptions options = {},
+                    const sim::MadeUpScene& scene = {7, kParts, kWidth, 6, 5})
       : id(self), engine(scene), core(id, 1000 + self, options) {
     engine.resident.insert(0);
   }
@@ -70,8 +72,9 @@ struct TestHost {
     (void)core.take_outbox();
   }
   void give_range(std::uint32_t task, std::uint32_t samples = 4) {
-    core.receive(kManagerHost,
-                 wire::SubmitTask{{5, task}, 1, 1, RendererRange{task, 0, 0, kWidth, 4, 0, samples}}, now);
+    core.receive(
+        kManagerHost,
+        wire::SubmitTask{{5, task}, 1, 1, RendererRange{task, 0, 0, kWidth, 4, 0, samples}}, now);
   }
   void run_loader() {
     while (auto w = core.take_load(now)) {
@@ -98,7 +101,8 @@ struct TestHost {
   // What it has to say, but for heartbeats.
   WorkerCore::Outbox said() {
     auto out = core.take_outbox();
-    std::erase_if(out, [](const auto& m) { return std::holds_alternative<wire::Status>(m.second); });
+    std::erase_if(out,
+                  [](const auto& m) { return std::holds_alternative<wire::Status>(m.second); });
     return out;
   }
 

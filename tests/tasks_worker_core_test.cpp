@@ -49,7 +49,8 @@ TEST(WorkerCore, AloneItFinishesItsTasksWithoutAWordToAnyoneButTheManager) {
   EXPECT_EQ(reply.id, (wire::TaskUuid{5, 1}));
   EXPECT_EQ(std::get<wire::RendererReply>(reply.payload).sums.size(), 32u);
   EXPECT_TRUE(h.core.idle());
-  for (std::size_t s = 0; s < kTaskStates; ++s) EXPECT_EQ(h.core.tasks_in(static_cast<TaskState>(s)), 0u);
+  for (std::size_t s = 0; s < kTaskStates; ++s)
+    EXPECT_EQ(h.core.tasks_in(static_cast<TaskState>(s)), 0u);
 }
 
 TEST(WorkerCore, TwoHostsGiveThePixelsOfOne) {
@@ -57,7 +58,8 @@ TEST(WorkerCore, TwoHostsGiveThePixelsOfOne) {
   alone.start(kAll, map_of(1, 1, TestHost::kParts, {{1, kAll}}));
   alone.give_range(1);
   alone.run();
-  const auto expected = std::get<wire::RendererReply>(only<wire::Reply>(alone.said()).at(0).second.payload);
+  const auto expected =
+      std::get<wire::RendererReply>(only<wire::Reply>(alone.said()).at(0).second.payload);
 
   TestHost a(1), b(2);
   a.start(kLow, two_hosts());
@@ -101,7 +103,8 @@ TEST(WorkerCore, KeepsABatchUntilReplied) {
   wire::TracerReply all;
   all.count = static_cast<std::uint32_t>(std::get<wire::SegmentBlock>(sent[0].payload).size());
   all.accepted.assign((all.count + 63) / 64, 0);
-  for (std::uint32_t i = 0; i < all.count; ++i) all.accepted[i / 64] |= std::uint64_t{1} << (i % 64);
+  for (std::uint32_t i = 0; i < all.count; ++i)
+    all.accepted[i / 64] |= std::uint64_t{1} << (i % 64);
   a.core.receive(HostId(2), wire::Reply{sent[0].id, 1, all}, a.now);
   EXPECT_EQ(a.core.kept_segments(), kept - all.count);
 }
@@ -159,7 +162,8 @@ TEST(WorkerCore, LooksForAnotherWayWhenRefused) {
   EXPECT_EQ(a.core.kept_segments(), before);
   EXPECT_EQ(a.core.tasks_in(TaskState::fresh), 1u);
   (void)a.said();
-  a.core.receive(kManagerHost, map_of(2, 1, TestHost::kParts, {{1, kLow}, {2, {}}, {3, kHigh}}), a.now);
+  a.core.receive(kManagerHost, map_of(2, 1, TestHost::kParts, {{1, kLow}, {2, {}}, {3, kHigh}}),
+                 a.now);
   a.run();
   for (const auto& [to, m] : only<wire::SubmitTask>(a.said())) EXPECT_EQ(to, HostId(3));
 }
@@ -287,14 +291,16 @@ TEST(WorkerCore, HoldsEndsForAnOwnerThatIsNotOnItsListYet) {
   a.give_range(1);
   a.run();
   auto block = blocks(a.said()).at(0);
-  auto segments = std::make_shared<std::vector<PathSegment>>(*std::get<wire::SegmentBlock>(block.payload).chunks[0]);
+  auto segments = std::make_shared<std::vector<PathSegment>>(
+      *std::get<wire::SegmentBlock>(block.payload).chunks[0]);
   for (PathSegment& s : *segments) s.owner = 9;
   std::get<wire::SegmentBlock>(block.payload).chunks = {segments};
   b.core.receive(a.id, block, 0);
   b.run();
   b.tick_later(1);
   EXPECT_TRUE(only<wire::PathEnds>(b.said()).empty());
-  b.core.receive(kManagerHost, map_of(2, 1, TestHost::kParts, {{1, kLow}, {2, kHigh}, {9, {}}}), b.now);
+  b.core.receive(kManagerHost, map_of(2, 1, TestHost::kParts, {{1, kLow}, {2, kHigh}, {9, {}}}),
+                 b.now);
   b.tick_later(1);
   const auto ends = only<wire::PathEnds>(b.said());
   ASSERT_FALSE(ends.empty());
@@ -394,7 +400,8 @@ TEST(WorkerCore, SendsNothingUnderANewMapThatWasRoutedByTheOldOne) {
   ASSERT_GT(a.core.tasks_in(TaskState::submitting), 0u);
   (void)a.said();
   // Host 2 leaves: still on the list, but no holder.
-  a.core.receive(kManagerHost, map_of(2, 1, TestHost::kParts, {{1, kLow}, {2, {}}, {3, kHigh}}), a.now);
+  a.core.receive(kManagerHost, map_of(2, 1, TestHost::kParts, {{1, kLow}, {2, {}}, {3, kHigh}}),
+                 a.now);
   a.run();
   a.tick_later(1);
   const auto sent = only<wire::SubmitTask>(a.said());

@@ -78,9 +78,10 @@ TEST(Codec, NeedsAboutAHundredBytesASegment) {
 }
 
 TEST(Codec, TakesTheNarrowestRadianceThatIsExact) {
-  for (const std::int64_t v : {std::int64_t{0}, std::int64_t{-1}, std::int64_t{127}, std::int64_t{128}, std::int64_t{-128},
-                               std::int64_t{-129}, std::int64_t{1} << 40, -(std::int64_t{1} << 47),
-                               std::numeric_limits<std::int64_t>::max(), std::numeric_limits<std::int64_t>::min()}) {
+  for (const std::int64_t v :
+       {std::int64_t{0}, std::int64_t{-1}, std::int64_t{127}, std::int64_t{128}, std::int64_t{-128},
+        std::int64_t{-129}, std::int64_t{1} << 40, -(std::int64_t{1} << 47),
+        std::numeric_limits<std::int64_t>::max(), std::numeric_limits<std::int64_t>::min()}) {
     PathEnds m;
     m.ends.resize(3);
     m.ends[1].radiance = {v, 1, -1};

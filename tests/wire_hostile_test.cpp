@@ -1,4 +1,5 @@
-// Peers can be wrong, old, or hostile: whatever bytes come, decoding says why not, and does no harm.
+// Peers can be wrong, old, or hostile: whatever bytes come, decoding says why not, and does no
+// harm.
 #include <gtest/gtest.h>
 #include <xxhash.h>
 
@@ -43,9 +44,10 @@ TEST(HostilePeer, SendsNoRayThatEmbreeWouldChokeOn) {
 }
 
 TEST(HostilePeer, SendsNoOcclusionRayThatEmbreeWouldChokeOn) {
-  for (const OcclusionRay& bad : {OcclusionRay{Vec3(kInfinity, 0, 0), Vec3(0, 0, 1), 1.f},
-                                  OcclusionRay{Vec3(0.f), Vec3(0, 0, 0), 1.f}, OcclusionRay{Vec3(0.f), Vec3(0, 0, 1), -1.f},
-                                  OcclusionRay{Vec3(0.f), Vec3(0, 0, 1), std::numeric_limits<float>::quiet_NaN()}}) {
+  for (const OcclusionRay& bad :
+       {OcclusionRay{Vec3(kInfinity, 0, 0), Vec3(0, 0, 1), 1.f},
+        OcclusionRay{Vec3(0.f), Vec3(0, 0, 0), 1.f}, OcclusionRay{Vec3(0.f), Vec3(0, 0, 1), -1.f},
+        OcclusionRay{Vec3(0.f), Vec3(0, 0, 1), std::numeric_limits<float>::quiet_NaN()}}) {
     OcclusionBlock block;
     block.chunks = {std::make_shared<const std::vector<OcclusionRay>>(1, bad)};
     EXPECT_FALSE(decode(bytes_of(SubmitTask{{1, 2}, 3, 4, std::move(block)})));
@@ -74,8 +76,10 @@ TEST(HostilePeer, CannotMakeUsAllocateByACount) {
 }
 
 TEST(HostilePeer, SendsNoAbsurdRendererTask) {
-  EXPECT_FALSE(decode(bytes_of(SubmitTask{{}, 0, 0, RendererRange{1, 0, 0, 1u << 20, 1u << 20, 0, 1}})));
-  EXPECT_FALSE(decode(bytes_of(SubmitTask{{}, 0, 0, RendererRange{1, 0, 0, 8, 8, 0, 0xffffffffu}})));
+  EXPECT_FALSE(
+      decode(bytes_of(SubmitTask{{}, 0, 0, RendererRange{1, 0, 0, 1u << 20, 1u << 20, 0, 1}})));
+  EXPECT_FALSE(
+      decode(bytes_of(SubmitTask{{}, 0, 0, RendererRange{1, 0, 0, 8, 8, 0, 0xffffffffu}})));
   EXPECT_FALSE(decode(bytes_of(SubmitTask{{}, 0, 0, RendererRange{1, 8, 0, 8, 8, 0, 1}})));
   EXPECT_TRUE(decode(bytes_of(SubmitTask{{}, 0, 0, RendererRange{1, 0, 0, 64, 64, 0, 16}})));
 }
@@ -137,7 +141,8 @@ TEST(HostilePeer, AnyTruncationIsNoticed) {
   for (std::size_t n = 0; n < good.size(); ++n) EXPECT_FALSE(decode(std::span(good).first(n))) << n;
 }
 
-// Mutations that pass the checksum: nothing may crash, and what is accepted must be encodable again.
+// Mutations that pass the checksum: nothing may crash, and what is accepted must be encodable
+// again.
 TEST(HostilePeer, SealedRandomChangesDoNoHarm) {
   TracerReply tracer;
   tracer.count = 3;
@@ -152,8 +157,13 @@ TEST(HostilePeer, SealedRandomChangesDoNoHarm) {
   map.add_hosts()->set_host(1);
   map.add_holdings()->add_parts(6);
   const std::vector<std::vector<std::byte>> corpus = {
-      bytes_of(some_block(4)), bytes_of(some_block(2, 0)), bytes_of(some_rays(3)),
-      bytes_of(Reply{{1, 2}, 3, tracer}), bytes_of(Reply{{1, 2}, 3, renderer}), bytes_of(ends), bytes_of(map),
+      bytes_of(some_block(4)),
+      bytes_of(some_block(2, 0)),
+      bytes_of(some_rays(3)),
+      bytes_of(Reply{{1, 2}, 3, tracer}),
+      bytes_of(Reply{{1, 2}, 3, renderer}),
+      bytes_of(ends),
+      bytes_of(map),
       bytes_of(SubmitTask{{1, 2}, 3, 4, RendererRange{1, 0, 0, 8, 8, 0, 4}})};
   std::size_t accepted = 0;
   for (std::uint64_t round = 0; round < 60000; ++round) {
@@ -163,9 +173,14 @@ TEST(HostilePeer, SealedRandomChangesDoNoHarm) {
       r = mix64(r);
       const std::size_t at = (r >> 8) % bytes.size();
       switch (r % 8) {
-        case 0: bytes.resize(std::max(kPayloadHeaderBytes, at)); break;
-        case 1: bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), std::byte{0xff}); break;
-        default: bytes[at] = static_cast<std::byte>(r >> 40);
+        case 0:
+          bytes.resize(std::max(kPayloadHeaderBytes, at));
+          break;
+        case 1:
+          bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), std::byte{0xff});
+          break;
+        default:
+          bytes[at] = static_cast<std::byte>(r >> 40);
       }
     }
     const std::uint16_t version = kProtocolVersion;

@@ -8,13 +8,16 @@
 namespace cloudrenderer::wire {
 
 inline PathSegment some_segment(std::uint64_t i) {
-  const auto u = [&](std::uint64_t k) { return to_unit(static_cast<std::uint32_t>(mix64(i * 64 + k) >> 32)); };
+  const auto u = [&](std::uint64_t k) {
+    return to_unit(static_cast<std::uint32_t>(mix64(i * 64 + k) >> 32));
+  };
   PathSegment s{};
   s.origin = Vec3(u(0) * 100.f, -u(1), u(2));
   s.direction = glm::normalize(Vec3(u(3) - 0.5f, u(4) - 0.5f, u(5) + 0.1f));
   s.throughput = Vec3(u(6), u(7), u(8));
   s.previous_pdf = u(9);
-  s.radiance = {static_cast<std::int64_t>(mix64(i) >> 30), -static_cast<std::int64_t>(mix64(i + 1) >> 33), 0};
+  s.radiance = {static_cast<std::int64_t>(mix64(i) >> 30),
+                -static_cast<std::int64_t>(mix64(i + 1) >> 33), 0};
   s.previous_normal = Vec3(0, u(10), u(11));
   s.best = {i % 3 == 0 ? kInfinity : u(12) * 50.f, static_cast<std::uint32_t>(i), 7};
   s.tested = mix64(i + 5);

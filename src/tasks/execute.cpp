@@ -7,9 +7,12 @@
 namespace cloudrenderer {
 namespace {
 
-constexpr std::size_t kChunk = 2048;  // segments of a leaving chunk at most, so that blocks stay small
+constexpr std::size_t kChunk =
+    2048;  // segments of a leaving chunk at most, so that blocks stay small
 
-bool bit(std::span<const std::uint64_t> bits, std::size_t i) { return (bits[i / 64] >> (i % 64) & 1u) != 0; }
+bool bit(std::span<const std::uint64_t> bits, std::size_t i) {
+  return (bits[i / 64] >> (i % 64) & 1u) != 0;
+}
 
 template <class T>
 void append(std::vector<T>& to, std::vector<T>&& from) {
@@ -19,8 +22,8 @@ void append(std::vector<T>& to, std::vector<T>&& from) {
     to.insert(to.end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
 }
 
-// The host in a slot of the routing; none for this host itself, which did not have the part when the batch ran, and
-// for parts without a holder: both look again a little later.
+// The host in a slot of the routing; none for this host itself, which did not have the part when
+// the batch ran, and for parts without a holder: both look again a little later.
 HostId remote_host(const Routing& routing, Routing::Slot s) {
   if (s == Routing::kNoSlot || routing.host(s) == routing.self()) return {};
   return routing.host(s);
@@ -56,7 +59,8 @@ class Buckets {
   template <class F>
   void for_each(F f) {
     for (std::size_t s = 0; s < buckets_.size(); ++s)
-      f(s < routing_.hosts() ? routing_.host(static_cast<Routing::Slot>(s)) : HostId(), buckets_[s]);
+      f(s < routing_.hosts() ? routing_.host(static_cast<Routing::Slot>(s)) : HostId(),
+        buckets_[s]);
   }
 
  private:
@@ -71,12 +75,14 @@ struct SegmentBucket {
 
 void leave(HostId to, SegmentBucket& b, WorkResult& r) {
   if (b.segments.empty()) return;
-  r.leaving.push_back(
-      {to, {std::make_shared<const std::vector<PathSegment>>(std::move(b.segments)), std::move(b.hits)}});
+  r.leaving.push_back({to,
+                       {std::make_shared<const std::vector<PathSegment>>(std::move(b.segments)),
+                        std::move(b.hits)}});
   b = {};
 }
 
-// Splits a traced batch: what can be shaded stays in it (in order), the rest goes to the buckets of its holders.
+// Splits a traced batch: what can be shaded stays in it (in order), the rest goes to the buckets of
+// its holders.
 void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
   const auto stays = [](PartId p) { return !p; };
   const auto first = std::find_if_not(batch.next.begin(), batch.next.end(), stays);
@@ -128,9 +134,10 @@ void take_back(TraceWork::Returned& returned, SegmentBatch& batch) {
   }
 }
 
-// Answers the blocks that lie from `at` on in the traced batch, and leaves only the accepted segments in it.
-void answer_arrived(std::span<TraceWork::Arrived> arrived, std::size_t at, std::uint32_t epoch, SegmentBatch& batch,
-                    WorkResult& r) {
+// Answers the blocks that lie from `at` on in the traced batch, and leaves only the accepted
+// segments in it.
+void answer_arrived(std::span<TraceWork::Arrived> arrived, std::size_t at, std::uint32_t epoch,
+                    SegmentBatch& batch, WorkResult& r) {
   std::size_t kept = at;
   for (TraceWork::Arrived& a : arrived) {
     const std::size_t n = a.block.size();
@@ -190,8 +197,10 @@ void resume(const ParkedPath& p, WorkResult& r, EndsByOwner& ends) {
     r.next.push_back(p.segment);
     return;
   }
-  const auto flags = static_cast<std::uint16_t>((p.invalid ? kEndInvalid : 0) | (p.clamped ? kEndClamped : 0));
-  ends.add({p.segment.task, p.segment.pixel, p.segment.sample, p.segment.owner, flags, p.segment.radiance});
+  const auto flags =
+      static_cast<std::uint16_t>((p.invalid ? kEndInvalid : 0) | (p.clamped ? kEndClamped : 0));
+  ends.add({p.segment.task, p.segment.pixel, p.segment.sample, p.segment.owner, flags,
+            p.segment.radiance});
 }
 
 // Asks gathered for one destination.
@@ -202,8 +211,10 @@ struct AskBucket {
 
 class AskSorter {
  public:
-  AskSorter(const Routing& routing, WorkResult& r) : routing_(routing), result_(r), buckets_(routing) {}
-  void add(const OcclusionRay& ray, const ParkedPath& path, const Fixed3& contribution, std::span<const PartId> parts) {
+  AskSorter(const Routing& routing, WorkResult& r)
+      : routing_(routing), result_(r), buckets_(routing) {}
+  void add(const OcclusionRay& ray, const ParkedPath& path, const Fixed3& contribution,
+           std::span<const PartId> parts) {
     const Routing::Slot s = cover_first(parts, routing_);
     AskBucket& b = buckets_.at(s);
     b.rays.push_back(ray);
@@ -249,7 +260,8 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
   std::vector<PartId> parts;
   for (const ShadowAsk& a : out.asks) {
     parts.clear();
-    for (std::uint32_t i = 0; i < a.part_count; ++i) parts.emplace_back(out.ask_parts[a.pending + i]);
+    for (std::uint32_t i = 0; i < a.part_count; ++i)
+      parts.emplace_back(out.ask_parts[a.pending + i]);
     asked[a.parked] = 1;
     sorter.add(a.ray, out.parked[a.parked], a.contribution, parts);
   }
@@ -304,7 +316,8 @@ WorkResult run(const PathEngine& engine, Work& work, ResolveWork& w) {
         if (!blocked) {
           parts.clear();
           for (std::uint32_t p = k == 0 ? 0 : asks.part_end[k - 1]; p < asks.part_end[k]; ++p)
-            if (by == Routing::kNoSlot || !at.holds(by, asks.parts[p])) parts.push_back(asks.parts[p]);
+            if (by == Routing::kNoSlot || !at.holds(by, asks.parts[p]))
+              parts.push_back(asks.parts[p]);
           if (!parts.empty()) {
             sorter.add((*asks.rays)[k], path, asks.contributions[k], parts);
             continue;
@@ -329,7 +342,8 @@ WorkResult run(const PathEngine& engine, Work&, CameraWork& w) {
 WorkResult run(const PathEngine&, Work& work, CollectWork& w) {
   WorkResult r;
   r.ledgers = std::move(w.ledgers);
-  for (const RendererRange& range : w.opened) r.ledgers.try_emplace(range.task, range, work.film_width);
+  for (const RendererRange& range : w.opened)
+    r.ledgers.try_emplace(range.task, range, work.film_width);
   auto ledger = r.ledgers.end();
   for (const auto& block : w.ends) {
     for (const PathEnd& e : block) {
@@ -339,9 +353,14 @@ WorkResult run(const PathEngine&, Work& work, CollectWork& w) {
         continue;
       }
       switch (ledger->second.record(e)) {
-        case RendererLedger::Outcome::counted: break;
-        case RendererLedger::Outcome::duplicate: ++r.duplicates; break;
-        case RendererLedger::Outcome::foreign: ++r.unknown; break;
+        case RendererLedger::Outcome::counted:
+          break;
+        case RendererLedger::Outcome::duplicate:
+          ++r.duplicates;
+          break;
+        case RendererLedger::Outcome::foreign:
+          ++r.unknown;
+          break;
       }
     }
   }
@@ -393,8 +412,10 @@ WorkResult execute(PartLoader& loader, Work& work) {
 }
 
 bool is_loader_work(const Work& work) {
-  return std::holds_alternative<StartJobWork>(work.what) || std::holds_alternative<LoadWork>(work.what) ||
-         std::holds_alternative<UnloadWork>(work.what) || std::holds_alternative<EndJobWork>(work.what);
+  return std::holds_alternative<StartJobWork>(work.what) ||
+         std::holds_alternative<LoadWork>(work.what) ||
+         std::holds_alternative<UnloadWork>(work.what) ||
+         std::holds_alternative<EndJobWork>(work.what);
 }
 
 namespace {

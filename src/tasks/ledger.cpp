@@ -3,7 +3,10 @@
 namespace cloudrenderer {
 
 RendererLedger::RendererLedger(const RendererRange& range, std::uint32_t film_width)
-    : range_(range), film_width_(film_width), remaining_(range.paths()), bits_((range.paths() + 63) / 64),
+    : range_(range),
+      film_width_(film_width),
+      remaining_(range.paths()),
+      bits_((range.paths() + 63) / 64),
       sums_(std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) {}
 
 RendererLedger::Outcome RendererLedger::record(const PathEnd& e) {
@@ -12,7 +15,8 @@ RendererLedger::Outcome RendererLedger::record(const PathEnd& e) {
       e.sample < range_.sample_begin || e.sample >= range_.sample_end)
     return Outcome::foreign;
   const std::size_t pixel = std::size_t{y - range_.y0} * (range_.x1 - range_.x0) + (x - range_.x0);
-  const std::size_t bit = pixel * (range_.sample_end - range_.sample_begin) + (e.sample - range_.sample_begin);
+  const std::size_t bit =
+      pixel * (range_.sample_end - range_.sample_begin) + (e.sample - range_.sample_begin);
   const std::uint64_t mask = std::uint64_t{1} << (bit % 64);
   if (bits_[bit / 64] & mask) return Outcome::duplicate;
   bits_[bit / 64] |= mask;

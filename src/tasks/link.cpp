@@ -35,9 +35,11 @@ void Link::receive(const wire::LinkHeader& link, wire::Bytes payload, double now
     return;
   }
   if (link.ack < next_sequence_) {  // else the peer acknowledges what was never sent: ignored
-    while (!unacknowledged_.empty() && unacknowledged_.front().sequence <= link.ack) unacknowledged_.pop_front();
+    while (!unacknowledged_.empty() && unacknowledged_.front().sequence <= link.ack)
+      unacknowledged_.pop_front();
     for (Sent& s : unacknowledged_) {
-      const std::uint32_t ahead = s.sequence - link.ack;  // the acknowledgement may be older than the front
+      const std::uint32_t ahead =
+          s.sequence - link.ack;  // the acknowledgement may be older than the front
       if (ahead < 2 || ahead - 2 >= 32) continue;
       if (link.window >> (ahead - 2) & 1u) s.arrived = true;
     }
@@ -52,7 +54,8 @@ void Link::receive(const wire::LinkHeader& link, wire::Bytes payload, double now
   if (link.sequence - received_ > options_.window) return;  // comes again
   ++unreported_frames_;
   unreported_bytes_ += payload->size();
-  if (unreported_frames_ >= options_.ack_frames || unreported_bytes_ >= options_.ack_bytes) ack_due_ = now;
+  if (unreported_frames_ >= options_.ack_frames || unreported_bytes_ >= options_.ack_bytes)
+    ack_due_ = now;
   early_.emplace(link.sequence, std::move(payload));
   while (!early_.empty() && early_.begin()->first == received_ + 1) {
     delivered.push_back(std::move(early_.begin()->second));
@@ -75,7 +78,8 @@ std::optional<Link::Frame> Link::next(double now) {
     resend_ = false;
   }
   if (!unsent_.empty() && unacknowledged_.size() < options_.window) {
-    Sent s{next_sequence_++, std::move(unsent_.front()), now + options_.retransmit_after, options_.retransmit_after};
+    Sent s{next_sequence_++, std::move(unsent_.front()), now + options_.retransmit_after,
+           options_.retransmit_after};
     unsent_.pop_front();
     unacknowledged_.push_back(s);
     ++counters_.sent;

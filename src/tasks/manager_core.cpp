@@ -7,17 +7,22 @@ namespace cloudrenderer {
 namespace {
 
 constexpr std::uint32_t kMaxHost = 0xfffe;  // a path's owner has 16 bits
-constexpr double kUnreachableFactor = 2;    // of lost_after_s: until a host that peers cannot reach is given up
+constexpr double kUnreachableFactor =
+    2;  // of lost_after_s: until a host that peers cannot reach is given up
 
 bool can(const wire::Hello& hello, wire::Category category) {
   return hello.categories().empty() ||
-         std::find(hello.categories().begin(), hello.categories().end(), category) != hello.categories().end();
+         std::find(hello.categories().begin(), hello.categories().end(), category) !=
+             hello.categories().end();
 }
 
 }  // namespace
 
 ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
-    : options_(options), job_(std::move(job)), film_(job_.frame, job_.k), generation_(options.first_generation) {
+    : options_(options),
+      job_(std::move(job)),
+      film_(job_.frame, job_.k),
+      generation_(options.first_generation) {
   options_.round_samples = std::max(1u, options_.round_samples);
   options_.tile = std::clamp(options_.tile, 1u, 128u);
   progress_.paths_total = job_.frame.pixels() * job_.spp;
@@ -37,12 +42,15 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   if (next_host_ > kMaxHost) return refuse("the job has had too many hosts");
   if (fingerprint_ && *fingerprint_ != hello.fingerprint()) {
     if (!options_.allow_inexact && !hello.allow_inexact())
-      return refuse("the host computes other bits than the cluster (numeric fingerprint); --allow-inexact lets it join");
+      return refuse(
+          "the host computes other bits than the cluster (numeric fingerprint); --allow-inexact "
+          "lets it join");
     bit_exact_ = false;
   }
   if (can(hello, wire::TRACER) && hello.memory() < main_bytes())
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +
-                  " MiB, but what every host must hold needs " + std::to_string((main_bytes() >> 20) + 1) + " MiB");
+                  " MiB, but what every host must hold needs " +
+                  std::to_string((main_bytes() >> 20) + 1) + " MiB");
   if (!fingerprint_) fingerprint_ = hello.fingerprint();
 
   const HostId id(next_host_++);
@@ -101,7 +109,8 @@ Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const 
   return result;
 }
 
-// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts go.
+// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts
+// go.
 std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
   std::string why;
   for (const bool with_leaving : {false, true}) {
@@ -134,7 +143,8 @@ void ManagerCore::place_all(double now) {
   order(*found);
 }
 
-// Takes surplus copies off the books; the hosts are told by the next map, or here before there is one.
+// Takes surplus copies off the books; the hosts are told by the next map, or here before there is
+// one.
 void ManagerCore::drop(const Plan& p) {
   for (const auto& [id, parts] : p.drop) {
     Host& h = hosts_.at(id);
@@ -148,11 +158,30 @@ void ManagerCore::drop(const Plan& p) {
   }
 }
 
+// Hosts load one part after the other, so each begins with its share of what nobody has yet:
+// rendering begins, or goes on, long before the last copy is there.
 void ManagerCore::order(const Plan& p) {
-  for (const auto& [id, parts] : p.hold) {
+  std::map<HostId, std::vector<PartId>> first, later;
+  for (std::uint32_t part = 1; part < job_.parts.size(); ++part) {
+    const PartId id(part);
+    std::vector<HostId> ordered;
+    for (const auto& [host, parts] : p.hold)
+      if (std::binary_search(parts.begin(), parts.end(), id) &&
+          hosts_.at(host).wanted.insert(id).second)
+        ordered.push_back(host);
+    if (ordered.empty()) continue;
+    const bool held = std::any_of(hosts_.begin(), hosts_.end(),
+                                  [&](const auto& h) { return h.second.holds.contains(id); });
+    const auto least = std::min_element(ordered.begin(), ordered.end(), [&](HostId x, HostId y) {
+      return first[x].size() < first[y].size();
+    });
+    for (auto h = ordered.begin(); h != ordered.end(); ++h)
+      (h == least && !held ? first : later)[*h].push_back(id);
+  }
+  for (const auto& [id, host] : p.hold) {
     wire::LoadParts m;
-    for (const PartId part : parts)
-      if (hosts_.at(id).wanted.insert(part).second) m.add_parts(part.value);
+    for (const auto* list : {&first[id], &later[id]})
+      for (const PartId part : *list) m.add_parts(part.value);
     if (m.parts_size() != 0) send(id, std::move(m));
   }
 }
@@ -194,6 +223,7 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
   map.set_epoch(epoch_);
   map.set_generation(generation_);
   map.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
+  mapped_all_ = everything_held(true);
   for (auto& [id, h] : hosts_) {
     if (!h.started) continue;
     h.mapped = true;
@@ -233,9 +263,11 @@ void ManagerCore::receive(HostId from, wire::Message message, double now) {
 }
 
 void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) {
-  if (m.job() != job_.start.job() || phase_ == Phase::ending) return void(++progress_.dropped_messages);
+  if (m.job() != job_.start.job() || phase_ == Phase::ending)
+    return void(++progress_.dropped_messages);
   if (!m.error().empty()) {
-    const std::string why = "host " + std::to_string(from.value) + " (" + h.hello.name() + "): " + m.error();
+    const std::string why =
+        "host " + std::to_string(from.value) + " (" + h.hello.name() + "): " + m.error();
     remove(from, true, now);
     if (hosts_.empty()) fail(why, now);
     return;
@@ -253,7 +285,7 @@ void ManagerCore::check_loaded(double now) {
     return e.second.complete() && !e.second.leaving &&
            (!e.second.mapped || e.second.holds.size() != e.second.mapped_parts);
   });
-  if (more) new_map(false);
+  if (more || (!mapped_all_ && everything_held(true))) new_map(false);
   std::vector<HostId> leaving;
   for (const auto& [id, h] : hosts_)
     if (h.leaving) leaving.push_back(id);
@@ -265,7 +297,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
   h.entry.set_load_s(m.load_s());
   h.entry.set_segments_per_s(m.segments_per_s());
   for (const std::uint32_t peer : m.unreachable())
-    if (hosts_.contains(HostId(peer)) && HostId(peer) != from) unreachable_since_.try_emplace(HostId(peer), now);
+    if (hosts_.contains(HostId(peer)) && HostId(peer) != from)
+      unreachable_since_.try_emplace(HostId(peer), now);
   reports_[from].last = m;
   h.final = m.final();
   h.status = std::move(m);
@@ -281,8 +314,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
   if (!finished()) try_release(from, now);
 }
 
-// A leaving host goes when others hold its parts, and its own renderer tasks and all that it accepted are done. From
-// the epoch of its release on it accepts nothing.
+// A leaving host goes when others hold its parts, and its own renderer tasks and all that it
+// accepted are done. From the epoch of its release on it accepts nothing.
 void ManagerCore::try_release(HostId id, double now) {
   const auto it = hosts_.find(id);
   if (it == hosts_.end() || finished()) return;
@@ -326,13 +359,16 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   }
   if (finished()) return;
   if (phase_ == Phase::ending) return check_final(now);
-  const bool told = phase_ == Phase::rendering && mapped;  // the others know the host, and must learn that it is gone
+  const bool told = phase_ == Phase::rendering &&
+                    mapped;  // the others know the host, and must learn that it is gone
   std::optional<Plan> found;
-  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false)) found = find_plan(now);
+  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false))
+    found = find_plan(now);
   if (finished()) return;
   if (found) drop(*found);
   const bool drops = found && !found->drop.empty();
-  if (told || (drops && phase_ == Phase::rendering)) new_map(lost || drops, found ? &*found : nullptr);
+  if (told || (drops && phase_ == Phase::rendering))
+    new_map(lost || drops, found ? &*found : nullptr);
   if (found) order(*found);
   check_loaded(now);
   if (phase_ == Phase::rendering) check_end(now);

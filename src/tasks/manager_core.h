@@ -1,9 +1,11 @@
 #pragma once
-// The heart of the manager: who is there, who holds what, which renderer task is whose, and the film. A value, driven
-// like WorkerCore: receive(), tick(), take_outbox(); no socket, no clock, no thread.
+// The heart of the manager: who is there, who holds what, which renderer task is whose, and the
+// film. A value, driven like WorkerCore: receive(), tick(), take_outbox(); no socket, no clock, no
+// thread.
 //
-// Life of a job: gathering (until min_hosts have joined) -> loading (until every part has a holder) -> rendering ->
-// ending (final counters) -> done. Hosts may join, leave and be lost in every phase.
+// Life of a job: gathering (until min_hosts have joined) -> loading (until every part has a holder)
+// -> rendering -> ending (final counters) -> done. Hosts may join, leave and be lost in every
+// phase.
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -26,26 +28,27 @@ struct ManagerOptions {
   std::uint32_t min_hosts = 1;
   std::uint32_t replication = 1;
   double heartbeat_s = 0.5;
-  double lost_after_s = 10;      // without any message of a host
-  double end_wait_s = 3;         // for final counters
-  std::uint32_t tile = 32;       // pixels; smaller for small pictures
+  double lost_after_s = 10;          // without any message of a host
+  double end_wait_s = 3;             // for final counters
+  std::uint32_t tile = 32;           // pixels; smaller for small pictures
   std::uint32_t round_samples = 16;  // samples per pixel of a round; rounds follow each other
-  bool hold_rounds = false;      // a round starts only after next_round()
-  double task_seconds = 5;       // of work at most
+  bool hold_rounds = false;          // a round starts only after next_round()
+  double task_seconds = 5;           // of work at most
   std::uint32_t first_generation = 1;
   bool allow_inexact = false;
-  // How long to wait for more hosts when the scene does not fit those that are there; then the job fails.
+  // How long to wait for more hosts when the scene does not fit those that are there; then the job
+  // fails.
   double wait_for_room_s = 0;
 };
 
 // What the core must know of the scene; the rest is the driver's.
 struct JobSpec {
-  wire::JobStart start;          // sent to every host as it is
+  wire::JobStart start;  // sent to every host as it is
   FilmFrame frame;
   int k = 0;
   std::uint32_t spp = 1;
   std::uint64_t seed = 0;
-  std::vector<PlacementPart> parts;            // [0] the main scene's geometry
+  std::vector<PlacementPart> parts;  // [0] the main scene's geometry
   std::vector<std::uint64_t> prototype_bytes;
   std::vector<std::vector<std::string>> part_features;  // needed by the part; empty: none
 };
@@ -57,11 +60,12 @@ class ManagerCore {
 
   ManagerCore(const ManagerOptions& options, JobSpec job);
 
-  // A host asks to join (its secret has been checked). Gives it a number, and queues Welcome and its orders; or says
-  // why it is refused: the driver then sends Refused.
+  // A host asks to join (its secret has been checked). Gives it a number, and queues Welcome and
+  // its orders; or says why it is refused: the driver then sends Refused.
   Result<HostId> join(const wire::Hello& hello, double now);
   void receive(HostId from, wire::Message message, double now);
-  // The driver knows that a host is gone for good (its connection ended and did not come back in time).
+  // The driver knows that a host is gone for good (its connection ended and did not come back in
+  // time).
   void host_lost(HostId host, double now);
   void tick(double now);
   double deadline() const { return next_tick_; }
@@ -76,11 +80,13 @@ class ManagerCore {
   // "": nothing; else for people: why the job does not go on without more hosts.
   const std::string& waiting_for() const { return no_room_; }
 
-  // No more tasks are handed out; the job ends when those on the way are in (--max-time, interrupt).
+  // No more tasks are handed out; the job ends when those on the way are in (--max-time,
+  // interrupt).
   void stop(double now);
   // Ends at once (interrupt): the film keeps what is there.
   void cancel(const std::string& reason, double now);
-  // With hold_rounds: a round is complete, and the driver decides by the film: next_round() or stop().
+  // With hold_rounds: a round is complete, and the driver decides by the film: next_round() or
+  // stop().
   bool round_complete() const;
   void next_round(double now);
   std::uint32_t complete_samples() const;  // samples per pixel of all complete rounds
@@ -93,7 +99,7 @@ class ManagerCore {
     double joined = 0;
     std::optional<double> left;
     bool lost = false;
-    wire::Status last;            // counters, as of the last status
+    wire::Status last;  // counters, as of the last status
     double paths_done = 0;
   };
   const std::map<HostId, HostReport>& hosts() const { return reports_; }
@@ -117,14 +123,14 @@ class ManagerCore {
     bool mapped = false;           // the hosts know it: it may hold parts and own renderer tasks
     std::size_t mapped_parts = 0;  // that the last map gave it
     bool leaving = false, final = false;
-    std::uint32_t released = 0;    // leaving: epoch from which on it is no holder
-    std::set<PartId> holds;        // reported
-    std::set<PartId> wanted;       // ordered or held
+    std::uint32_t released = 0;  // leaving: epoch from which on it is no holder
+    std::set<PartId> holds;      // reported
+    std::set<PartId> wanted;     // ordered or held
     bool complete() const { return started && holds.size() == wanted.size(); }
     std::uint64_t outstanding_paths = 0;
     std::uint32_t outstanding_tasks = 0;
     wire::Status status;
-    double paths_per_s = 0;        // measured since rate_since
+    double paths_per_s = 0;  // measured since rate_since
     double rate_since = 0;
     std::uint64_t rate_paths = 0;
   };
@@ -153,7 +159,9 @@ class ManagerCore {
   void handle(HostId from, Host& h, wire::Status& m, double now);
   void handle(HostId from, Host& h, wire::Leave& m, double now);
   template <class M>
-  void handle(HostId, Host&, M&, double) { ++progress_.dropped_messages; }
+  void handle(HostId, Host&, M&, double) {
+    ++progress_.dropped_messages;
+  }
   void remove(HostId id, bool lost, double now);
   void try_release(HostId id, double now);
   void check_unreachable(double now);
@@ -166,7 +174,9 @@ class ManagerCore {
   std::uint64_t task_paths(const Host& h, std::size_t hosts) const;
   void give(HostId id, Host& h, RendererRange range);
   void merge(const Outstanding& o, const wire::RendererReply& r);
-  std::uint32_t rounds() const { return (job_.spp + options_.round_samples - 1) / options_.round_samples; }
+  std::uint32_t rounds() const {
+    return (job_.spp + options_.round_samples - 1) / options_.round_samples;
+  }
   bool nothing_left() const;
   void check_end(double now);
   void begin_end(const std::string& reason, double now);
@@ -185,10 +195,12 @@ class ManagerCore {
   std::map<HostId, HostReport> reports_;
   std::uint32_t next_host_ = 1;
   std::uint32_t epoch_ = 0, generation_ = 0;
+  bool mapped_all_ = false;  // every part had a holder in the last map
   std::optional<std::uint64_t> fingerprint_;
   bool bit_exact_ = true;
 
-  // Renderer tasks: (round, tile) in order, a cursor inside the tile's samples, and ranges that came back.
+  // Renderer tasks: (round, tile) in order, a cursor inside the tile's samples, and ranges that
+  // came back.
   std::uint32_t tile_ = 32, tiles_x_ = 0, tiles_y_ = 0;
   std::uint32_t round_ = 0, allowed_rounds_ = 0, cursor_tile_ = 0, cursor_sample_ = 0;
   std::vector<RendererRange> returned_;

@@ -7,9 +7,9 @@
 namespace cloudrenderer {
 namespace {
 
-constexpr std::uint64_t kSmallestTask = 512;     // paths; less is not worth a message
+constexpr std::uint64_t kSmallestTask = 512;  // paths; less is not worth a message
 constexpr std::uint64_t kDefaultCredits = 131072;
-constexpr std::uint32_t kTasksPerHost = 8;       // at least, by the size of tiles
+constexpr std::uint32_t kTasksPerHost = 8;  // at least, by the size of tiles
 
 }  // namespace
 
@@ -18,7 +18,8 @@ void ManagerCore::begin_rendering(double now) {
   progress_.render_began = progress_.render_ended = now;
   const FilmFrame& f = job_.frame;
   const auto tiles = [&](std::uint32_t extent) { return (extent + tile_ - 1) / tile_; };
-  const std::uint64_t wanted = std::uint64_t{kTasksPerHost} * std::max<std::size_t>(hosts_.size(), options_.min_hosts);
+  const std::uint64_t wanted =
+      std::uint64_t{kTasksPerHost} * std::max<std::size_t>(hosts_.size(), options_.min_hosts);
   for (tile_ = options_.tile;; tile_ /= 2) {
     tiles_x_ = tiles(f.crop_width());
     tiles_y_ = tiles(f.crop_height());
@@ -30,12 +31,13 @@ void ManagerCore::begin_rendering(double now) {
   check_end(now);
 }
 
-// How large a task of this host may be now: at most some seconds of work, and less towards the end, so that no host
-// waits long for the last one.
+// How large a task of this host may be now: at most some seconds of work, and less towards the end,
+// so that no host waits long for the last one.
 std::uint64_t ManagerCore::task_paths(const Host& h, std::size_t hosts) const {
   std::uint64_t paths = std::uint64_t{tile_} * tile_ * options_.round_samples;
   if (h.paths_per_s > 0)
-    paths = std::min(paths, static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
+    paths = std::min(paths,
+                     static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
   return std::min(paths, std::max(kSmallestTask, unassigned_paths_ / (4 * hosts)));
 }
 
@@ -43,15 +45,17 @@ void ManagerCore::hand_out(double now) {
   if (phase_ != Phase::rendering || stopped_ || !everything_held(true)) return;
   const auto eligible = [](const Host& h) {
     const auto& c = h.hello.categories();
-    return h.mapped && !h.leaving && (c.empty() || std::find(c.begin(), c.end(), wire::RENDERER) != c.end());
+    return h.mapped && !h.leaving &&
+           (c.empty() || std::find(c.begin(), c.end(), wire::RENDERER) != c.end());
   };
-  const auto hosts = static_cast<std::size_t>(
-      std::count_if(hosts_.begin(), hosts_.end(), [&](const auto& h) { return eligible(h.second); }));
+  const auto hosts = static_cast<std::size_t>(std::count_if(
+      hosts_.begin(), hosts_.end(), [&](const auto& h) { return eligible(h.second); }));
   for (bool more = hosts != 0; more;) {  // one each in turn
     more = false;
     for (auto& [id, h] : hosts_) {
       if (!eligible(h)) continue;
-      const std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
+      const std::uint64_t credits =
+          h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
       const std::uint64_t share = std::max(task_paths(h, hosts), unassigned_paths_ / (2 * hosts));
       if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, share)) continue;
       const auto range = next_range(task_paths(h, hosts));
@@ -86,8 +90,8 @@ std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
     }
   }
   const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
-  const auto samples = static_cast<std::uint32_t>(
-      std::min<std::uint64_t>(r.sample_end - r.sample_begin, std::max<std::uint64_t>(1, paths / pixels)));
+  const auto samples = static_cast<std::uint32_t>(std::min<std::uint64_t>(
+      r.sample_end - r.sample_begin, std::max<std::uint64_t>(1, paths / pixels)));
   if (r.sample_begin + samples < r.sample_end) {  // the rest is for the next one
     RendererRange rest = r;
     r.sample_end = rest.sample_begin = r.sample_begin + samples;
@@ -108,7 +112,8 @@ void ManagerCore::give(HostId id, Host& h, RendererRange range) {
 void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   const auto* r = std::get_if<wire::RendererReply>(&m.payload);
   const auto it = r ? outstanding_.find(r->task) : outstanding_.end();
-  if (it == outstanding_.end() || it->second.host != from) return void(++progress_.dropped_messages);
+  if (it == outstanding_.end() || it->second.host != from)
+    return void(++progress_.dropped_messages);
   const RendererRange range = it->second.range;
   if (r->sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0))
     return void(++progress_.dropped_messages);
@@ -145,8 +150,8 @@ void ManagerCore::merge(const Outstanding& o, const wire::RendererReply& r) {
 bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }
 
 bool ManagerCore::round_complete() const {
-  return options_.hold_rounds && phase_ == Phase::rendering && !stopped_ && allowed_rounds_ < rounds() &&
-         nothing_left() && outstanding_.empty();
+  return options_.hold_rounds && phase_ == Phase::rendering && !stopped_ &&
+         allowed_rounds_ < rounds() && nothing_left() && outstanding_.empty();
 }
 
 void ManagerCore::next_round(double now) {
@@ -190,7 +195,8 @@ void ManagerCore::begin_end(const std::string& reason, double now) {
 // The counters of every host are in, or are not waited for any more.
 void ManagerCore::check_final(double now) {
   if (phase_ != Phase::ending) return;
-  const bool all = std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.final; });
+  const bool all =
+      std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.final; });
   if (!all && now < end_deadline_) return;
   phase_ = Phase::done;
   for (const auto& [id, h] : hosts_) gone_.push_back(id);

@@ -13,11 +13,14 @@ namespace {
 constexpr double kBuildReserve = 0.4;  // of the part that is being built, beside the part itself
 constexpr std::size_t kNobody = ~std::size_t{0};
 
-std::string mebibytes(std::uint64_t bytes) { return std::to_string((bytes + (1u << 20) - 1) >> 20) + " MiB"; }
+std::string mebibytes(std::uint64_t bytes) {
+  return std::to_string((bytes + (1u << 20) - 1) >> 20) + " MiB";
+}
 
 class Placer {
  public:
-  explicit Placer(const PlacementInput& in) : in_(in), hosts_(in.hosts.size()), copies_(in.parts.size()) {
+  explicit Placer(const PlacementInput& in)
+      : in_(in), hosts_(in.hosts.size()), copies_(in.parts.size()) {
     for (std::size_t h = 0; h < hosts_.size(); ++h) {
       hosts_[h].has.resize(in.parts.size());
       hosts_[h].cannot.resize(in.parts.size());
@@ -26,8 +29,9 @@ class Placer {
       for (const PartId p : in.hosts[h].holds)
         if (p.value != 0) add(h, p.value);
     }
-    total_memory_ = std::accumulate(in.hosts.begin(), in.hosts.end(), 0.0,
-                                    [](double sum, const PlacementHost& h) { return sum + static_cast<double>(h.memory); });
+    total_memory_ = std::accumulate(
+        in.hosts.begin(), in.hosts.end(), 0.0,
+        [](double sum, const PlacementHost& h) { return sum + static_cast<double>(h.memory); });
     for (std::size_t p = 1; p < in.parts.size(); ++p) {
       order_.push_back(p);
       total_bytes_ += static_cast<double>(in.parts[p].bytes);
@@ -41,7 +45,8 @@ class Placer {
   bool fits_main(std::size_t h) const { return hosts_[h].used <= in_.hosts[h].memory; }
   std::uint64_t used(std::size_t h) const { return hosts_[h].used; }
 
-  // One more copy of every part that has not more than `copy` of them. False if some part found no room.
+  // One more copy of every part that has not more than `copy` of them. False if some part found no
+  // room.
   bool pass(std::uint32_t copy, bool neighbours) {
     bool all = true;
     std::size_t last = kNobody;
@@ -97,17 +102,21 @@ class Placer {
   // What a host holds when `copies` of everything are spread by memory, with a little slack.
   bool balanced(std::size_t h, std::size_t p, std::uint32_t copies) const {
     const double share = static_cast<double>(in_.hosts[h].memory) / std::max(1.0, total_memory_);
-    const double limit = share * total_bytes_ * copies + 0.5 * static_cast<double>(in_.parts[p].bytes);
-    const double here = static_cast<double>(hosts_[h].used) - static_cast<double>(in_.parts[0].bytes);
+    const double limit =
+        share * total_bytes_ * copies + 0.5 * static_cast<double>(in_.parts[p].bytes);
+    const double here =
+        static_cast<double>(hosts_[h].used) - static_cast<double>(in_.parts[0].bytes);
     return here + 0.5 * static_cast<double>(in_.parts[p].bytes) <= limit;
   }
   std::size_t choose(std::size_t p, std::uint32_t copy, std::size_t last) const {
-    if (last != kNobody && can_take(last, p) && balanced(last, p, copy + 1)) return last;  // beside its neighbour
+    if (last != kNobody && can_take(last, p) && balanced(last, p, copy + 1))
+      return last;  // beside its neighbour
     std::size_t best = kNobody;
     std::pair<bool, std::uint64_t> best_rank{};
     for (std::size_t h = 0; h < hosts_.size(); ++h) {
       if (!can_take(h, p)) continue;
-      const std::uint64_t dice = mix64(in_.seed ^ mix64((std::uint64_t{in_.hosts[h].host.value} << 32) + p) ^ copy);
+      const std::uint64_t dice =
+          mix64(in_.seed ^ mix64((std::uint64_t{in_.hosts[h].host.value} << 32) + p) ^ copy);
       const std::pair rank{balanced(h, p, copy + 1), dice};
       if (best != kNobody && rank <= best_rank) continue;
       best = h;
@@ -140,7 +149,8 @@ class Placer {
 Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
   using Placement = Result<std::vector<std::vector<PartId>>>;
   if (input.hosts.empty()) return Placement::failure("there is no host to hold the scene");
-  const auto copies = static_cast<std::uint32_t>(std::min<std::size_t>(std::max(1u, input.min_replication), input.hosts.size()));
+  const auto copies = static_cast<std::uint32_t>(
+      std::min<std::size_t>(std::max(1u, input.min_replication), input.hosts.size()));
   std::uint64_t needed = 0, room = 0;
   for (std::size_t p = 1; p < input.parts.size(); ++p) needed += input.parts[p].bytes;
   for (const bool neighbours : {true, false}) {
@@ -148,8 +158,9 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
     room = 0;
     for (std::size_t h = 0; h < input.hosts.size(); ++h) {
       if (!placer.fits_main(h))
-        return Placement::failure("host " + std::to_string(input.hosts[h].host.value) + " may use " +
-                                  mebibytes(input.hosts[h].memory) + ", but what every host must hold needs " +
+        return Placement::failure("host " + std::to_string(input.hosts[h].host.value) +
+                                  " may use " + mebibytes(input.hosts[h].memory) +
+                                  ", but what every host must hold needs " +
                                   mebibytes(placer.used(h)));
       room += input.hosts[h].memory - placer.used(h);
     }
@@ -160,8 +171,9 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
     for (auto c = copies; c < input.hosts.size(); ++c) placer.pass(c, neighbours);
     return placer.result();
   }
-  return Placement::failure("the parts need " + mebibytes(needed * copies) + " (" + std::to_string(copies) +
-                            (copies == 1 ? " copy" : " copies") + "), the hosts have room for " + mebibytes(room) +
+  return Placement::failure("the parts need " + mebibytes(needed * copies) + " (" +
+                            std::to_string(copies) + (copies == 1 ? " copy" : " copies") +
+                            "), the hosts have room for " + mebibytes(room) +
                             ", less what building the largest part takes on each");
 }
 

@@ -12,26 +12,27 @@
 namespace cloudrenderer {
 
 struct PlacementPart {
-  std::uint64_t bytes = 0;                 // loaded
+  std::uint64_t bytes = 0;  // loaded
   Vec3 center{0.f};
-  std::vector<std::uint32_t> prototypes;   // that its instances need: counted once a host
+  std::vector<std::uint32_t> prototypes;  // that its instances need: counted once a host
 };
 struct PlacementHost {
   HostId host;
   std::uint64_t memory = 0;
-  std::vector<PartId> holds;               // stay where they are: a placement only adds
-  std::vector<PartId> cannot;              // parts whose features the host lacks
+  std::vector<PartId> holds;   // stay where they are: a placement only adds
+  std::vector<PartId> cannot;  // parts whose features the host lacks
 };
 struct PlacementInput {
-  std::vector<PlacementPart> parts;        // [0] is the main scene's, on every host; in spatial order
+  std::vector<PlacementPart> parts;  // [0] is the main scene's, on every host; in spatial order
   std::vector<std::uint64_t> prototype_bytes;
   std::vector<PlacementHost> hosts;
   std::uint32_t min_replication = 1;
   std::uint64_t seed = 0;
 };
-// For every host (same order) the parts that it shall hold, part 0 left out, ascending. Fails with a text for people
-// when a host cannot hold the main scene or not every part finds min_replication hosts (or all hosts, if there are
-// fewer). Room is left for the build of the largest part: 0.4 times its size.
+// For every host (same order) the parts that it shall hold, part 0 left out, ascending. Fails with
+// a text for people when a host cannot hold the main scene or not every part finds min_replication
+// hosts (or all hosts, if there are fewer). Room is left for the build of the largest part: 0.4
+// times its size.
 Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input);
 
 }  // namespace cloudrenderer

@@ -8,7 +8,10 @@
 namespace cloudrenderer {
 
 Routing::Routing(const wire::SceneHostMap& map, HostId self, float alpha)
-    : epoch_(map.epoch()), generation_(map.generation()), self_(self), alpha_(alpha),
+    : epoch_(map.epoch()),
+      generation_(map.generation()),
+      self_(self),
+      alpha_(alpha),
       words_((map.part_count() + 63) / 64) {
   const std::size_t parts = map.part_count();
   for (const wire::HostEntry& e : map.hosts()) {
@@ -41,7 +44,8 @@ Routing::Routing(const wire::SceneHostMap& map, HostId self, float alpha)
     float best = std::numeric_limits<float>::infinity();
     std::uint64_t best_tie = 0;
     for (const Slot s : list) {
-      const std::uint64_t tie = mix64((std::uint64_t{self.value} << 40) ^ (std::uint64_t{p} << 16) ^ s);
+      const std::uint64_t tie =
+          mix64((std::uint64_t{self.value} << 40) ^ (std::uint64_t{p} << 16) ^ s);
       if (load_[s] > best || (load_[s] == best && tie <= best_tie)) continue;
       best = load_[s];
       best_tie = tie;
@@ -57,7 +61,8 @@ Routing::Slot Routing::slot(HostId h) const {
 
 std::span<const Routing::Slot> Routing::holders(PartId p) const {
   if (p.value >= part_count()) return {};
-  return std::span(holder_slots_).subspan(first_holder_[p.value], first_holder_[p.value + 1] - first_holder_[p.value]);
+  return std::span(holder_slots_)
+      .subspan(first_holder_[p.value], first_holder_[p.value + 1] - first_holder_[p.value]);
 }
 
 Routing::Slot cover_first(std::span<const PartId> needed, const Routing& routing) {

@@ -30,14 +30,14 @@ constexpr std::array<MoveRule, kTaskMoves> kMoves = {{
 }  // namespace
 
 const char* name(TaskCategory c) {
-  constexpr std::array<const char*, kTaskCategories> names = {"loader", "unloader",   "renderer",
-                                                              "tracer", "aggregator", "intersection"};
+  constexpr std::array<const char*, kTaskCategories> names = {
+      "loader", "unloader", "renderer", "tracer", "aggregator", "intersection"};
   return names[static_cast<std::size_t>(c)];
 }
 
 const char* name(TaskState s) {
-  constexpr std::array<const char*, kTaskStates> names = {"new",        "ready",    "running", "waiting",
-                                                          "submitting", "replying", "end"};
+  constexpr std::array<const char*, kTaskStates> names = {
+      "new", "ready", "running", "waiting", "submitting", "replying", "end"};
   return names[static_cast<std::size_t>(s)];
 }
 

@@ -1,6 +1,7 @@
 #pragma once
-// What a compute thread takes from a WorkerCore, and what it brings back. execute() is the only place where batches are
-// computed; it is pure, runs outside of every lock, and is all that the simulation and the real drivers share.
+// What a compute thread takes from a WorkerCore, and what it brings back. execute() is the only
+// place where batches are computed; it is pure, runs outside of every lock, and is all that the
+// simulation and the real drivers share.
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -25,13 +26,15 @@ struct KeptSegments {
 struct ParkedAsks {
   wire::RayChunk rays;
   std::vector<ParkedPath> paths;
-  std::vector<Fixed3> contributions;       // added when the ray is free
-  std::vector<std::uint32_t> part_end;     // ray i still has to pass parts[part_end[i - 1], part_end[i])
+  std::vector<Fixed3> contributions;  // added when the ray is free
+  std::vector<std::uint32_t>
+      part_end;  // ray i still has to pass parts[part_end[i - 1], part_end[i])
   std::vector<PartId> parts;
   std::size_t size() const { return paths.size(); }
 };
 
-// The samples of a renderer task that have arrived: a bit each, and exact sums. A sample counts once.
+// The samples of a renderer task that have arrived: a bit each, and exact sums. A sample counts
+// once.
 class RendererLedger {
  public:
   RendererLedger(const RendererRange& range, std::uint32_t film_width);
@@ -39,12 +42,13 @@ class RendererLedger {
   Outcome record(const PathEnd& end);
   const RendererRange& range() const { return range_; }
   std::uint64_t remaining() const { return remaining_; }
-  // Runs [first, first + count) of path numbers (in the order of PathEngine::camera) that have not arrived.
+  // Runs [first, first + count) of path numbers (in the order of PathEngine::camera) that have not
+  // arrived.
   struct Run {
     std::uint64_t first, count;
   };
   std::vector<Run> missing() const;
-  wire::RendererReply reply() &&;          // consumes the sums
+  wire::RendererReply reply() &&;  // consumes the sums
 
  private:
   RendererRange range_;
@@ -56,12 +60,13 @@ class RendererLedger {
 };
 using Ledgers = std::unordered_map<std::uint32_t, RendererLedger>;  // by renderer task number
 
-struct CameraWork {       // renderer: make camera segments
+struct CameraWork {  // renderer: make camera segments
   RendererRange range;
   std::uint16_t owner = 0;
   std::uint64_t first = 0, count = 0;
 };
-struct TraceWork {        // tracer: local segments, blocks of other hosts, and what other hosts gave back, as one batch
+struct TraceWork {  // tracer: local segments, blocks of other hosts, and what other hosts gave
+                    // back, as one batch
   std::vector<std::vector<PathSegment>> local;
   struct Arrived {
     wire::TaskUuid id;
@@ -71,14 +76,14 @@ struct TraceWork {        // tracer: local segments, blocks of other hosts, and 
   std::vector<Arrived> arrived;
   struct Returned {
     std::vector<KeptSegments> kept;
-    wire::TracerReply reply;   // count 0: not asked at all, every segment looks for another way
+    wire::TracerReply reply;  // count 0: not asked at all, every segment looks for another way
   };
   std::vector<Returned> returned;
 };
-struct ShadeWork {        // aggregator
+struct ShadeWork {  // aggregator
   std::vector<SegmentBatch> batches;
 };
-struct OccludeWork {      // intersection, for other hosts
+struct OccludeWork {  // intersection, for other hosts
   struct Asked {
     wire::TaskUuid id;
     HostId from;
@@ -86,44 +91,45 @@ struct OccludeWork {      // intersection, for other hosts
   };
   std::vector<Asked> asked;
 };
-struct ResolveWork {      // intersection: answers to our asks
+struct ResolveWork {  // intersection: answers to our asks
   struct Answered {
     std::vector<ParkedAsks> asks;
-    HostId by;                 // none: not asked, every ray looks for a holder again
-    RoutingPtr at;             // by which the host was chosen
+    HostId by;      // none: not asked, every ray looks for a holder again
+    RoutingPtr at;  // by which the host was chosen
     wire::OcclusionReply reply;
   };
   std::vector<Answered> answered;
 };
-struct CollectWork {      // renderer: record path ends. One at a time: it holds the ledgers.
+struct CollectWork {  // renderer: record path ends. One at a time: it holds the ledgers.
   Ledgers ledgers;
   std::vector<std::vector<PathEnd>> ends;
-  std::vector<RendererRange> opened;       // renderer tasks that are new since
-  bool list_missing = false;               // a host was lost: say what is to be made again
+  std::vector<RendererRange> opened;  // renderer tasks that are new since
+  bool list_missing = false;          // a host was lost: say what is to be made again
 };
-struct StartJobWork {     // loader
+struct StartJobWork {  // loader
   wire::JobStart job;
 };
-struct LoadWork {         // loader
+struct LoadWork {  // loader
   std::vector<PartId> parts;
 };
-struct UnloadWork {       // unloader
+struct UnloadWork {  // unloader
   std::vector<PartId> parts;
-  bool before_paths = false;               // path work waits for it
+  bool before_paths = false;  // path work waits for it
 };
-struct EndJobWork {       // unloader: drop everything
+struct EndJobWork {  // unloader: drop everything
   std::string reason;
 };
 
 struct Work {
-  std::variant<CameraWork, TraceWork, ShadeWork, OccludeWork, ResolveWork, CollectWork, StartJobWork, LoadWork,
-               UnloadWork, EndJobWork> what;
-  std::vector<wire::TaskUuid> tasks;       // that are running in it
-  RoutingPtr routing;                      // never null for work that needs it
+  std::variant<CameraWork, TraceWork, ShadeWork, OccludeWork, ResolveWork, CollectWork,
+               StartJobWork, LoadWork, UnloadWork, EndJobWork>
+      what;
+  std::vector<wire::TaskUuid> tasks;  // that are running in it
+  RoutingPtr routing;                 // never null for work that needs it
   std::uint64_t job = 0;
   std::uint32_t film_width = 0;
-  double taken = 0;                        // clock at take()
-  std::size_t segments() const;            // size for load and speed
+  double taken = 0;              // clock at take()
+  std::size_t segments() const;  // size for load and speed
 };
 
 // Segments and asks that leave for one host (or, with none, find no holder at present).
@@ -137,11 +143,11 @@ struct LeavingAsks {
 };
 
 struct WorkResult {
-  std::vector<PathSegment> next;           // to be traced here
+  std::vector<PathSegment> next;  // to be traced here
   SegmentBatch to_shade;
   std::vector<LeavingSegments> leaving;
   std::vector<LeavingAsks> asks;
-  std::vector<std::pair<HostId, std::vector<PathEnd>>> ends;     // by owner
+  std::vector<std::pair<HostId, std::vector<PathEnd>>> ends;  // by owner
   std::vector<std::pair<HostId, wire::Reply>> replies;
   RayCounts counts;
   // CollectWork
@@ -156,11 +162,13 @@ struct WorkResult {
   std::string error;
 };
 
-// What the loader categories need: the driver's own part store, scene and engine. Calls are made one at a time.
+// What the loader categories need: the driver's own part store, scene and engine. Calls are made
+// one at a time.
 class PartLoader {
  public:
   virtual ~PartLoader() = default;
-  // Fetches the manifest and builds what every host has (main scene, part map, engine). "" or an error.
+  // Fetches the manifest and builds what every host has (main scene, part map, engine). "" or an
+  // error.
   virtual std::string start_job(const wire::JobStart& job) = 0;
   // Makes a part traceable (also for batches that run at this moment). "" or an error.
   virtual std::string load(PartId part) = 0;

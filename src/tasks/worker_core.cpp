@@ -11,7 +11,8 @@ namespace {
 constexpr HostId kManager{0};
 
 bool is_path_work(TaskCategory c) {
-  return c == TaskCategory::tracer || c == TaskCategory::aggregator || c == TaskCategory::intersection;
+  return c == TaskCategory::tracer || c == TaskCategory::aggregator ||
+         c == TaskCategory::intersection;
 }
 
 }  // namespace
@@ -48,7 +49,8 @@ double WorkerCore::deadline() const {
   return t;
 }
 
-// ---- job ------------------------------------------------------------------------------------------------------
+// ---- job
+// ------------------------------------------------------------------------------------------------------
 
 void WorkerCore::handle(HostId from, wire::JobStart& m) {
   if (from != kManager) return void(++dropped_);
@@ -118,7 +120,8 @@ void WorkerCore::forget_job() {
   forget_in_flight();
   std::vector<Uuid> ended;
   for (const auto& [id, task] : tasks_)
-    if (task.category == TaskCategory::renderer || (!is_path_work(task.category) && task.state != TaskState::running))
+    if (task.category == TaskCategory::renderer ||
+        (!is_path_work(task.category) && task.state != TaskState::running))
       ended.push_back(id);
   for (const Uuid id : ended) move(id, l_discard);
   ready_load_.clear();
@@ -167,7 +170,8 @@ void WorkerCore::unload(const std::vector<std::uint32_t>& parts, bool before_pat
   ready_load_.push_back({task.id, std::move(work), 0});
 }
 
-// ---- hosts ----------------------------------------------------------------------------------------------------
+// ---- hosts
+// ----------------------------------------------------------------------------------------------------
 
 void WorkerCore::set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries) {
   host_entries_.assign(entries.begin(), entries.end());
@@ -191,14 +195,16 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
   set_hosts(map_.hosts());
   routing_ = std::make_shared<const Routing>(map_, self_, options_.alpha);
   for (const wire::HostEntry& e : map_.hosts()) seen_.emplace(e.host());
-  // Once others hold all that this host held, it takes no more paths and can go when its own are done.
+  // Once others hold all that this host held, it takes no more paths and can go when its own are
+  // done.
   const bool holder = std::any_of(map_.holdings().begin(), map_.holdings().end(),
                                   [&](const wire::Holding& h) { return h.host() == self_.value; });
   if (leaving_ && !holder) refuse_below_ = std::max(refuse_below_, map_.epoch());
   std::erase_if(unreachable_, [&](const auto& u) { return !known(u.first); });
   if (again) {
-    // A host was lost with paths that nobody can tell: every owner makes what it still lacks once more, and nothing
-    // of before goes on. Copies that do arrive are equal to the bit and count once.
+    // A host was lost with paths that nobody can tell: every owner makes what it still lacks once
+    // more, and nothing of before goes on. Copies that do arrive are equal to the bit and count
+    // once.
     forget_in_flight();
     if (!renderers_.empty()) list_missing_ = remaking_ = true;
     for (const wire::Holding& d : map_.drops())
@@ -210,19 +216,21 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
   for (auto& [sender, submit] : std::exchange(early_, {})) handle(sender, submit);
 }
 
-// What gathers was routed by the old map: it must not leave under the number of the new one, for a host that has given
-// its parts away takes blocks of the new epoch as meant. And hosts that left in good order have accepted nothing that
-// they did not answer: that looks for another way too.
+// What gathers was routed by the old map: it must not leave under the number of the new one, for a
+// host that has given its parts away takes blocks of the new epoch as meant. And hosts that left in
+// good order have accepted nothing that they did not answer: that looks for another way too.
 void WorkerCore::regroup() {
   for (auto it = gather_.begin(); it != gather_.end();) {
     Gather& g = it->second;
     if (!g.segments.empty()) {
       move(g.segment_task, p_map_changed);
-      strand(g.segment_task, TraceWork::Returned{std::exchange(g.segments, {}), {}}, std::exchange(g.segment_count, 0));
+      strand(g.segment_task, TraceWork::Returned{std::exchange(g.segments, {}), {}},
+             std::exchange(g.segment_count, 0));
     }
     if (!g.asks.empty()) {
       move(g.ask_task, p_map_changed);
-      strand(g.ask_task, ResolveWork::Answered{std::exchange(g.asks, {}), {}, {}, {}}, std::exchange(g.ask_count, 0));
+      strand(g.ask_task, ResolveWork::Answered{std::exchange(g.asks, {}), {}, {}, {}},
+             std::exchange(g.ask_count, 0));
     }
     it = gone(it->first) ? gather_.erase(it) : std::next(it);
   }
@@ -234,10 +242,13 @@ void WorkerCore::regroup() {
     waiting_.erase(id);
     move(id, k_target_lost);
     if (auto* segments = std::get_if<std::vector<KeptSegments>>(&w.kept))
-      strand(create(TaskCategory::tracer).id, TraceWork::Returned{std::move(*segments), {}}, w.count);
+      strand(create(TaskCategory::tracer).id, TraceWork::Returned{std::move(*segments), {}},
+             w.count);
     else
-      strand(create(TaskCategory::intersection).id,
-             ResolveWork::Answered{std::move(std::get<std::vector<ParkedAsks>>(w.kept)), {}, {}, {}}, w.count);
+      strand(
+          create(TaskCategory::intersection).id,
+          ResolveWork::Answered{std::move(std::get<std::vector<ParkedAsks>>(w.kept)), {}, {}, {}},
+          w.count);
   }
 }
 
@@ -251,7 +262,8 @@ void WorkerCore::leave(const std::string& reason) {
   send(kManager, std::move(m));
 }
 
-// ---- work -----------------------------------------------------------------------------------------------------
+// ---- work
+// -----------------------------------------------------------------------------------------------------
 
 void WorkerCore::handle(HostId from, wire::SubmitTask& m) {
   if (!job_ || tasks_.contains(m.id)) return void(++dropped_);
@@ -277,7 +289,8 @@ void WorkerCore::submit_renderer(Uuid id, const RendererRange& range) {
 }
 
 void WorkerCore::submit_block(HostId from, wire::SubmitTask& m) {
-  if (m.generation < routing_->generation()) return void(++dropped_);  // its sender has forgotten it by now, or will
+  if (m.generation < routing_->generation())
+    return void(++dropped_);  // its sender has forgotten it by now, or will
   if (m.generation > routing_->generation() || routing_->epoch() == 0) {
     early_.emplace_back(from, std::move(m));
     return;
@@ -333,7 +346,8 @@ void WorkerCore::handle(HostId from, wire::Reply& m) {
     return;
   }
   kept_ -= done.count;
-  if (traced && traced->tested.empty()) return end_inline(m.id);  // all of them belong to the other host now
+  if (traced && traced->tested.empty())
+    return end_inline(m.id);  // all of them belong to the other host now
   move(task, h_collected);
   if (traced) {
     const std::size_t misses = traced->tested.size();

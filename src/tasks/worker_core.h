@@ -1,16 +1,17 @@
 #pragma once
-// The heart of a worker: tasks, queues, and who is told what. A value: no socket, no clock, no thread. Drivers hold one
-// mutex around it and touch it once per batch or message:
+// The heart of a worker: tasks, queues, and who is told what. A value: no socket, no clock, no
+// thread. Drivers hold one mutex around it and touch it once per batch or message:
 //
-//   connection:  core.receive(from, decoded message, now)            (delivered in order and once: tasks/link.h)
-//   compute:     while (auto w = core.take(now)) { r = execute(engine, *w); core.finish(*w, r, now); }
-//   loader:      the same with core.take_load(now) and execute(loader, *w)
-//   timer:       core.tick(now), at the latest at core.deadline()
-//   after each:  for (auto& [to, message] : core.take_outbox()) link(to).send(encode(message))
+//   connection:  core.receive(from, decoded message, now)            (delivered in order and once:
+//   tasks/link.h) compute:     while (auto w = core.take(now)) { r = execute(engine, *w);
+//   core.finish(*w, r, now); } loader:      the same with core.take_load(now) and execute(loader,
+//   *w) timer:       core.tick(now), at the latest at core.deadline() after each:  for (auto& [to,
+//   message] : core.take_outbox()) link(to).send(encode(message))
 //
-// receive/tick/finish may make new work ready: has_work() tells whether idle threads are to be woken.
-// The driver answers Blob*, Hello, PeerHello and the rest of the handshake itself. Work may still be running when the
-// loader gets end_job() or another start_job(): whoever executes it shares the ownership of its engine.
+// receive/tick/finish may make new work ready: has_work() tells whether idle threads are to be
+// woken. The driver answers Blob*, Hello, PeerHello and the rest of the handshake itself. Work may
+// still be running when the loader gets end_job() or another start_job(): whoever executes it
+// shares the ownership of its engine.
 //
 //                       a          b            c, j
 //   blocks, ranges -> fresh -> ready -> running -> replying -> end
@@ -38,23 +39,27 @@ struct WorkerOptions {
   std::uint32_t threads = 1;
   std::uint64_t path_credits = 131072;  // live paths of own renderer tasks at most
   std::size_t camera_batch = 16384;     // camera segments made at once
-  std::size_t trace_batch = 16384;      // small tracer and aggregator batches are joined up to this size
-  std::size_t small_batch = 2048;       // local work below this waits while there are camera rays to make
-  std::size_t low_mark = 131072;        // segments waiting here above which no camera rays are made
-  float peer_load_limit_s = 2.f;        // nor while another host announces more queued work than this
-  std::size_t block_segments = 640;     // segments (about 64 KB) after which a block leaves; asks: 4 times as many
-  double block_age_s = 0.001;           // ... or after this time, or at once when the receiver owes no answer
+  std::size_t trace_batch =
+      16384;  // small tracer and aggregator batches are joined up to this size
+  std::size_t small_batch =
+      2048;                       // local work below this waits while there are camera rays to make
+  std::size_t low_mark = 131072;  // segments waiting here above which no camera rays are made
+  float peer_load_limit_s = 2.f;  // nor while another host announces more queued work than this
+  std::size_t block_segments =
+      640;  // segments (about 64 KB) after which a block leaves; asks: 4 times as many
+  double block_age_s =
+      0.001;  // ... or after this time, or at once when the receiver owes no answer
   double status_every_s = 0.5;
-  double retry_s = 0.05;                // batches without a holder, refused ones
-  float alpha = 0.25f;                  // load against hosts in the cover, 1/s
+  double retry_s = 0.05;  // batches without a holder, refused ones
+  float alpha = 0.25f;    // load against hosts in the cover, 1/s
 };
 
 // What only the driver knows, for the report.
 struct DriverCounters {
   std::uint64_t bytes_sent = 0, bytes_received = 0, memory_used = 0, memory_peak = 0, peak_rss = 0;
   double cpu_s = 0;
-  // Other workers have acknowledged all that was sent to them. A host that leaves goes only then, for nobody takes
-  // frames of a host that is off the list.
+  // Other workers have acknowledged all that was sent to them. A host that leaves goes only then,
+  // for nobody takes frames of a host that is off the list.
   bool drained = false;
 };
 
@@ -67,7 +72,7 @@ class WorkerCore {
 
   void receive(HostId from, wire::Message message, double now);
   void tick(double now);
-  double deadline() const;               // of the next tick that may do something
+  double deadline() const;                    // of the next tick that may do something
   std::optional<Work> take(double now);       // path work, deepest first
   std::optional<Work> take_load(double now);  // loader and unloader work; one at a time
   void finish(Work& work, WorkResult& result, double now);
@@ -75,8 +80,8 @@ class WorkerCore {
   bool has_load_work() const;
   Outbox take_outbox() { return std::exchange(outbox_, {}); }
 
-  // An attempt to reach a peer has failed (or succeeded again): told to the manager with every status for some seconds,
-  // or for as long as attempts go on failing. It decides.
+  // An attempt to reach a peer has failed (or succeeded again): told to the manager with every
+  // status for some seconds, or for as long as attempts go on failing. It decides.
   void peer_unreachable(HostId peer);
   void peer_reachable(HostId peer);
   void set_driver_counters(const DriverCounters& c);
@@ -92,7 +97,7 @@ class WorkerCore {
   std::uint64_t dropped_messages() const { return dropped_; }
   std::size_t tasks_in(TaskState s) const { return in_state_[static_cast<std::size_t>(s)]; }
   std::size_t queued_segments() const { return queued_; }  // waiting for a thread here
-  std::size_t kept_segments() const { return kept_; }      // waiting for another host, asks included
+  std::size_t kept_segments() const { return kept_; }  // waiting for another host, asks included
   std::uint64_t live_paths() const;
   bool idle() const;
 
@@ -111,14 +116,14 @@ class WorkerCore {
     std::uint32_t ask_blocks_out = 0;
     std::vector<PathEnd> ends;
     double ends_since = 0;
-    Uuid segment_task, ask_task;           // in state submitting while something gathers
+    Uuid segment_task, ask_task;  // in state submitting while something gathers
   };
-  struct Waiting {                         // submitted, reply to come
+  struct Waiting {  // submitted, reply to come
     std::variant<std::vector<KeptSegments>, std::vector<ParkedAsks>> kept;
     RoutingPtr at;
     std::size_t count = 0;
   };
-  struct Renderer {                        // a renderer task of this host
+  struct Renderer {  // a renderer task of this host
     Uuid id;
     RendererRange range;
     std::deque<RendererLedger::Run> to_make;
@@ -144,12 +149,14 @@ class WorkerCore {
   void handle(HostId from, wire::Reply& m);
   void handle(HostId from, wire::PathEnds& m);
   template <class M>
-  void handle(HostId, M&) { ++dropped_; }  // not for a worker in the middle of a job
+  void handle(HostId, M&) {
+    ++dropped_;
+  }  // not for a worker in the middle of a job
 
   void submit_renderer(Uuid id, const RendererRange& range);
   void submit_block(HostId from, wire::SubmitTask& m);
   void set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries);
-  void forget_in_flight();               // all path work but renderer tasks and path ends
+  void forget_in_flight();  // all path work but renderer tasks and path ends
   void forget_job();
   void regroup();
   bool known(HostId h) const { return routing_->slot(h) != Routing::kNoSlot; }
@@ -159,10 +166,12 @@ class WorkerCore {
 
   // worker_queues.cpp: tasks, blocks for other hosts
   Task& create(Uuid id, TaskCategory category, HostId submitter);
-  Task& create(TaskCategory category) { return create({incarnation_, next_number_++}, category, self_); }
-  void move(Task& task, TaskMove m);     // erases the task at its end
+  Task& create(TaskCategory category) {
+    return create({incarnation_, next_number_++}, category, self_);
+  }
+  void move(Task& task, TaskMove m);  // erases the task at its end
   void move(Uuid id, TaskMove m) { move(tasks_.at(id), m); }
-  void end_inline(Uuid id);              // a waiting task that has nothing left to do
+  void end_inline(Uuid id);  // a waiting task that has nothing left to do
   void ready_local(std::vector<PathSegment> segments);
   void ready_shade(SegmentBatch batch);
   void ready_returned(Uuid id, TraceWork::Returned returned, std::size_t count);
@@ -174,7 +183,8 @@ class WorkerCore {
   void flush_all();
   void send_segments(HostId to, Gather& g);
   void send_asks(HostId to, Gather& g);
-  void strand(Uuid id, std::variant<TraceWork::Returned, ResolveWork::Answered> item, std::size_t count);
+  void strand(Uuid id, std::variant<TraceWork::Returned, ResolveWork::Answered> item,
+              std::size_t count);
   void retry_stranded(bool all);
 
   // worker_take.cpp: work and results
@@ -202,19 +212,20 @@ class WorkerCore {
   WorkerOptions options_;
   Outbox outbox_;
   bool leaving_ = false, left_ = false;
-  bool drained_ = false;                 // nothing but status has been sent since the driver said so
+  bool drained_ = false;  // nothing but status has been sent since the driver said so
 
   // job
   std::optional<wire::JobStart> job_;
   bool job_ready_ = false;
   wire::ColumnSet columns_ = wire::kAllColumns;
   RoutingPtr routing_ = std::make_shared<const Routing>();
-  wire::SceneHostMap map_;               // of the routing; loads are renewed by host lists
-  std::uint32_t refuse_below_ = 0;       // epoch: blocks routed by an older map may ask for unloaded parts
+  wire::SceneHostMap map_;  // of the routing; loads are renewed by host lists
+  std::uint32_t refuse_below_ =
+      0;  // epoch: blocks routed by an older map may ask for unloaded parts
   std::vector<wire::HostEntry> host_entries_;
   std::uint64_t hosts_version_ = 0;
   std::map<HostId, double> unreachable_;  // and when an attempt failed last
-  std::set<HostId> seen_;                // hosts of all maps of this job: what is not in it is yet to come
+  std::set<HostId> seen_;  // hosts of all maps of this job: what is not in it is yet to come
 
   // tasks
   std::uint64_t next_number_ = 1;
@@ -235,26 +246,27 @@ class WorkerCore {
     std::variant<TraceWork::Returned, ResolveWork::Answered> item;
     std::size_t count;
   };
-  std::vector<Stranded> stranded_;       // fresh: no holder at present
-  std::vector<std::pair<HostId, wire::SubmitTask>> early_;  // of a generation that this host does not know yet
+  std::vector<Stranded> stranded_;  // fresh: no holder at present
+  std::vector<std::pair<HostId, wire::SubmitTask>>
+      early_;  // of a generation that this host does not know yet
 
   // renderer tasks of this host
   std::map<std::uint32_t, Renderer> renderers_;
   Ledgers ledgers_;
-  bool collecting_ = false;              // a thread has the ledgers
-  bool list_missing_ = false;            // to be asked of the next collection
-  bool remaking_ = false;                // until it has answered no camera rays are made
+  bool collecting_ = false;    // a thread has the ledgers
+  bool list_missing_ = false;  // to be asked of the next collection
+  bool remaking_ = false;      // until it has answered no camera rays are made
   std::vector<std::vector<PathEnd>> own_ends_;
   std::vector<RendererRange> opened_;
 
   std::size_t queued_ = 0, kept_ = 0, running_ = 0;
   std::size_t local_queued_ = 0, shade_queued_ = 0;  // parts of queued_
   bool loading_ = false;
-  std::size_t drops_ = 0;                // unloads before which no path work is taken
-  double segments_per_s_ = 0;            // measured, one thread
+  std::size_t drops_ = 0;      // unloads before which no path work is taken
+  double segments_per_s_ = 0;  // measured, one thread
   double next_status_ = 0;
   double busy_s_ = 0;
-  std::uint64_t dropped_ = 0;            // messages that fit nothing here
+  std::uint64_t dropped_ = 0;  // messages that fit nothing here
   wire::Counters counters_;
   DriverCounters driver_;
   double now_ = 0;

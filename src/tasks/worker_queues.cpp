@@ -125,12 +125,14 @@ void WorkerCore::gather_ends(HostId to, std::vector<PathEnd> ends) {
 // Blocks leave when they are full, old, or when the receiver owes us nothing and so may be idle.
 void WorkerCore::flush(HostId to, Gather& g) {
   const auto old = [&](double since) { return now_ - since >= options_.block_age_s; };
-  if (!g.segments.empty() &&
-      (g.segment_count >= options_.block_segments || g.segment_blocks_out == 0 || old(g.segments_since)))
+  if (!g.segments.empty() && (g.segment_count >= options_.block_segments ||
+                              g.segment_blocks_out == 0 || old(g.segments_since)))
     send_segments(to, g);
-  if (!g.asks.empty() && (g.ask_count >= 4 * options_.block_segments || g.ask_blocks_out == 0 || old(g.asks_since)))
+  if (!g.asks.empty() &&
+      (g.ask_count >= 4 * options_.block_segments || g.ask_blocks_out == 0 || old(g.asks_since)))
     send_asks(to, g);
-  if (!g.ends.empty() && known(to) && (g.ends.size() >= 2 * options_.block_segments || old(g.ends_since)))
+  if (!g.ends.empty() && known(to) &&
+      (g.ends.size() >= 2 * options_.block_segments || old(g.ends_since)))
     send(to, wire::PathEnds{routing_->generation(), std::exchange(g.ends, {})});
 }
 
@@ -195,7 +197,8 @@ void WorkerCore::send_asks(HostId to, Gather& g) {
   }
 }
 
-void WorkerCore::strand(Uuid id, std::variant<TraceWork::Returned, ResolveWork::Answered> item, std::size_t count) {
+void WorkerCore::strand(Uuid id, std::variant<TraceWork::Returned, ResolveWork::Answered> item,
+                        std::size_t count) {
   stranded_.push_back({now_, id, std::move(item), count});
 }
 

@@ -27,20 +27,25 @@ std::uint64_t WorkerCore::live_paths() const {
   return n;
 }
 
-// What bounds memory: paths that exist always go on, new ones are made only while there is room for them.
+// What bounds memory: paths that exist always go on, new ones are made only while there is room for
+// them.
 bool WorkerCore::may_make_camera() const {
-  if (!job_ready_ || remaking_ || routing_->epoch() == 0 || queued_ >= options_.low_mark) return false;
-  if (std::none_of(renderers_.begin(), renderers_.end(), [](const auto& r) { return !r.second.to_make.empty(); }))
+  if (!job_ready_ || remaking_ || routing_->epoch() == 0 || queued_ >= options_.low_mark)
+    return false;
+  if (std::none_of(renderers_.begin(), renderers_.end(),
+                   [](const auto& r) { return !r.second.to_make.empty(); }))
     return false;
   for (const wire::HostEntry& e : host_entries_)
-    if (HostId(e.host()) != self_ && e.load_s() > static_cast<double>(options_.peer_load_limit_s)) return false;
+    if (HostId(e.host()) != self_ && e.load_s() > static_cast<double>(options_.peer_load_limit_s))
+      return false;
   return live_paths() < options_.path_credits;
 }
 
 bool WorkerCore::has_work() const {
   if (drops_ != 0) return may_collect();
-  return !ready_occlude_.empty() || !ready_resolve_.empty() || !ready_arrived_.empty() || !ready_returned_.empty() ||
-         !ready_shade_.empty() || !ready_local_.empty() || may_collect() || may_make_camera();
+  return !ready_occlude_.empty() || !ready_resolve_.empty() || !ready_arrived_.empty() ||
+         !ready_returned_.empty() || !ready_shade_.empty() || !ready_local_.empty() ||
+         may_collect() || may_make_camera();
 }
 
 Work WorkerCore::base_work(double now) {
@@ -67,10 +72,12 @@ std::optional<Work> WorkerCore::take(double now) {
     if (!ready_resolve_.empty()) return take_resolve(now);
     if (!ready_arrived_.empty() || !ready_returned_.empty()) return take_trace(now);
     if (may_collect()) return take_collect(now);
-    // The deepest work first, but small batches are dear: camera rays may join them while credits last.
+    // The deepest work first, but small batches are dear: camera rays may join them while credits
+    // last.
     const bool camera = may_make_camera();
     if (shade_queued_ + local_queued_ < options_.small_batch && camera) return take_camera(now);
-    if (shade_queued_ != 0 && (shade_queued_ >= options_.small_batch || local_queued_ < options_.small_batch))
+    if (shade_queued_ != 0 &&
+        (shade_queued_ >= options_.small_batch || local_queued_ < options_.small_batch))
       return take_shade(now);
     if (local_queued_ != 0) return take_trace(now);
     return take_camera(now);
@@ -125,7 +132,8 @@ Work WorkerCore::take_shade(double now) {
   Work work = base_work(now);
   ShadeWork w;
   std::size_t n = 0;
-  while (!ready_shade_.empty() && (n == 0 || n + ready_shade_.front().count <= options_.trace_batch)) {
+  while (!ready_shade_.empty() &&
+         (n == 0 || n + ready_shade_.front().count <= options_.trace_batch)) {
     auto ready = pop(ready_shade_);
     n += ready.count;
     run(work, ready.id);
@@ -182,7 +190,8 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
   if (is_loader_work(work)) return finish_load(work, r);
   --running_;
   busy_s_ += now - work.taken;
-  const bool stale_job = !job_ || job_->job() != work.job || routing_->epoch() < work.routing->epoch();
+  const bool stale_job =
+      !job_ || job_->job() != work.job || routing_->epoch() < work.routing->epoch();
   const bool stale = stale_job || routing_->generation() != work.routing->generation();
   count_tasks(work);
   for (const Uuid id : work.tasks) {
@@ -199,7 +208,8 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
   } else if (now > work.taken && !stale) {
     const std::size_t n = r.to_shade.size() + r.next.size();
     const double speed = static_cast<double>(n) / (now - work.taken);
-    if (n != 0) segments_per_s_ = segments_per_s_ == 0 ? speed : 0.9 * segments_per_s_ + 0.1 * speed;
+    if (n != 0)
+      segments_per_s_ = segments_per_s_ == 0 ? speed : 0.9 * segments_per_s_ + 0.1 * speed;
   }
   counters_.set_camera(counters_.camera() + r.counts.camera);
   counters_.set_bounce(counters_.bounce() + r.counts.bounce);
@@ -223,9 +233,12 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
 
 void WorkerCore::count_tasks(const Work& work) {
   const std::uint64_t n = work.tasks.size();
-  if (std::holds_alternative<TraceWork>(work.what)) counters_.set_tasks_tracer(counters_.tasks_tracer() + n);
-  if (std::holds_alternative<ShadeWork>(work.what)) counters_.set_tasks_aggregator(counters_.tasks_aggregator() + n);
-  if (std::holds_alternative<OccludeWork>(work.what) || std::holds_alternative<ResolveWork>(work.what))
+  if (std::holds_alternative<TraceWork>(work.what))
+    counters_.set_tasks_tracer(counters_.tasks_tracer() + n);
+  if (std::holds_alternative<ShadeWork>(work.what))
+    counters_.set_tasks_aggregator(counters_.tasks_aggregator() + n);
+  if (std::holds_alternative<OccludeWork>(work.what) ||
+      std::holds_alternative<ResolveWork>(work.what))
     counters_.set_tasks_intersection(counters_.tasks_intersection() + n);
 }
 
@@ -257,12 +270,15 @@ void WorkerCore::finish_collect(const CollectWork& work, WorkResult& r) {
   }
 }
 
-// ---- loader and unloader --------------------------------------------------------------------------------------
+// ---- loader and unloader
+// --------------------------------------------------------------------------------------
 
 // Hits point into parts, so a part is dropped only when no batch is there.
 bool WorkerCore::may_unload() const {
-  return running_ == 0 && ready_shade_.empty() && ready_returned_.empty() && waiting_.empty() && stranded_.empty() &&
-         std::all_of(gather_.begin(), gather_.end(), [](const auto& g) { return g.second.segments.empty(); });
+  return running_ == 0 && ready_shade_.empty() && ready_returned_.empty() && waiting_.empty() &&
+         stranded_.empty() && std::all_of(gather_.begin(), gather_.end(), [](const auto& g) {
+           return g.second.segments.empty();
+         });
 }
 
 bool WorkerCore::has_load_work() const {
@@ -286,8 +302,8 @@ std::optional<Work> WorkerCore::take_load(double now) {
 void WorkerCore::finish_load(const Work& work, WorkResult& r) {
   loading_ = false;
   counters_.set_load_s(counters_.load_s() + (now_ - work.taken));
-  const bool unloader =
-      std::holds_alternative<UnloadWork>(work.what) || std::holds_alternative<EndJobWork>(work.what);
+  const bool unloader = std::holds_alternative<UnloadWork>(work.what) ||
+                        std::holds_alternative<EndJobWork>(work.what);
   if (unloader)
     counters_.set_tasks_unloader(counters_.tasks_unloader() + 1);
   else
@@ -302,9 +318,11 @@ void WorkerCore::finish_load(const Work& work, WorkResult& r) {
     move(id, j_replied);
   }
   if (stale) return;
-  if (const auto* unload = std::get_if<UnloadWork>(&work.what); unload && unload->before_paths) --drops_;
+  if (const auto* unload = std::get_if<UnloadWork>(&work.what); unload && unload->before_paths)
+    --drops_;
   if (std::holds_alternative<StartJobWork>(work.what)) job_ready_ = r.error.empty();
-  counters_.set_parts_loaded(static_cast<std::uint32_t>(counters_.parts_loaded() + r.loaded.size() - r.unloaded.size()));
+  counters_.set_parts_loaded(
+      static_cast<std::uint32_t>(counters_.parts_loaded() + r.loaded.size() - r.unloaded.size()));
   wire::LoadReport report;
   report.set_job(work.job);
   for (const PartId p : r.loaded) report.add_loaded(p.value);
@@ -314,11 +332,13 @@ void WorkerCore::finish_load(const Work& work, WorkResult& r) {
   send(kManager, std::move(report));
 }
 
-// ---- report ---------------------------------------------------------------------------------------------------
+// ---- report
+// ---------------------------------------------------------------------------------------------------
 
 bool WorkerCore::idle() const {
   return tasks_.empty() && running_ == 0 && !collecting_ && own_ends_.empty() && early_.empty() &&
-         std::all_of(gather_.begin(), gather_.end(), [](const auto& g) { return g.second.ends.empty(); });
+         std::all_of(gather_.begin(), gather_.end(),
+                     [](const auto& g) { return g.second.ends.empty(); });
 }
 
 void WorkerCore::set_driver_counters(const DriverCounters& c) {

@@ -8,7 +8,8 @@
 namespace cloudrenderer::wire {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "columns are copied as they lie in memory");
+static_assert(std::endian::native == std::endian::little,
+              "columns are copied as they lie in memory");
 static_assert(sizeof(OcclusionRay) == 28);
 
 // Renderer tasks beyond this are refused: their bookkeeping would be absurdly large.
@@ -78,7 +79,9 @@ struct WidthScan {
   void add(const Fixed3& v) {
     for (std::int64_t c : v) bits |= static_cast<std::uint64_t>(c < 0 ? ~c : c);
   }
-  std::uint32_t bytes() const { return static_cast<std::uint32_t>((64 - std::countl_zero(bits)) / 8 + 1); }
+  std::uint32_t bytes() const {
+    return static_cast<std::uint32_t>((64 - std::countl_zero(bits)) / 8 + 1);
+  }
 };
 
 std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes) {
@@ -101,7 +104,9 @@ void for_segments(const SegmentBlock& block, F f) {
 
 // NaN fails every comparison.
 bool within(float v, float limit) { return v >= -limit && v <= limit; }
-bool within(const Vec3& v, float limit) { return within(v.x, limit) && within(v.y, limit) && within(v.z, limit); }
+bool within(const Vec3& v, float limit) {
+  return within(v.x, limit) && within(v.y, limit) && within(v.z, limit);
+}
 bool is_direction(const Vec3& d) {
   if (!within(d, 2.f)) return false;
   const float length2 = d.x * d.x + d.y * d.y + d.z * d.z;
@@ -114,13 +119,15 @@ Result<Message> failure(const T& why) {
   return Result<Message>::failure(why);
 }
 
-Result<Message> read_segments(SubmitTask m, const SubmitControl& c, std::span<const std::byte> bulk) {
+Result<Message> read_segments(SubmitTask m, const SubmitControl& c,
+                              std::span<const std::byte> bulk) {
   const std::uint32_t w = c.radiance_bytes();
   const ColumnSet columns = c.columns();
   if (w < 1 || w > 8) return failure("radiance width must be 1 to 8 bytes");
   if (columns & ~kAllColumns) return failure("unknown segment columns");
   const std::size_t n = c.count();
-  if (n == 0 || bulk.size() != n * segment_bytes(columns, w)) return failure("segment columns have the wrong length");
+  if (n == 0 || bulk.size() != n * segment_bytes(columns, w))
+    return failure("segment columns have the wrong length");
   auto segments = std::make_shared<std::vector<PathSegment>>(n);
   auto& s = *segments;
   ColumnReader in(bulk);
@@ -157,10 +164,13 @@ Result<Message> read_segments(SubmitTask m, const SubmitControl& c, std::span<co
     }
   }
   for (const auto& x : s) {
-    if (!within(x.origin, kMaxCoordinate)) return failure("a segment's origin is not finite or too far away");
+    if (!within(x.origin, kMaxCoordinate))
+      return failure("a segment's origin is not finite or too far away");
     if (!is_direction(x.direction)) return failure("a segment's direction is not of unit length");
-    // The rest of the state cannot do harm: a contribution that is not finite never reaches the film.
-    if (!at_least_zero(x.best.t)) return failure("a segment's best hit is behind its origin or no number");
+    // The rest of the state cannot do harm: a contribution that is not finite never reaches the
+    // film.
+    if (!at_least_zero(x.best.t))
+      return failure("a segment's best hit is behind its origin or no number");
   }
   SegmentBlock block;
   block.columns = columns;
@@ -171,11 +181,13 @@ Result<Message> read_segments(SubmitTask m, const SubmitControl& c, std::span<co
 
 Result<Message> read_rays(SubmitTask m, const SubmitControl& c, std::span<const std::byte> bulk) {
   const std::size_t n = c.count();
-  if (n == 0 || bulk.size() != n * sizeof(OcclusionRay)) return failure("rays have the wrong length");
+  if (n == 0 || bulk.size() != n * sizeof(OcclusionRay))
+    return failure("rays have the wrong length");
   auto rays = std::make_shared<std::vector<OcclusionRay>>(n);
   std::memcpy(rays->data(), bulk.data(), bulk.size());
   for (const OcclusionRay& r : *rays) {
-    if (!within(r.origin, kMaxCoordinate)) return failure("a ray's origin is not finite or too far away");
+    if (!within(r.origin, kMaxCoordinate))
+      return failure("a ray's origin is not finite or too far away");
     if (!is_direction(r.direction)) return failure("a ray's direction is not of unit length");
     if (!at_least_zero(r.t_max)) return failure("a ray's length is negative or no number");
   }
@@ -263,25 +275,34 @@ EndsControl control_of(const PathEnds& m) {
 
 std::size_t bulk_bytes(const SubmitTask&, const SubmitControl& c) {
   switch (c.category()) {
-    case TRACER: return c.count() * segment_bytes(c.columns(), c.radiance_bytes());
-    case INTERSECTION: return c.count() * sizeof(OcclusionRay);
-    default: return 0;
+    case TRACER:
+      return c.count() * segment_bytes(c.columns(), c.radiance_bytes());
+    case INTERSECTION:
+      return c.count() * sizeof(OcclusionRay);
+    default:
+      return 0;
   }
 }
 std::size_t bulk_bytes(const Reply&, const ReplyControl& c) {
   if (c.refused()) return 0;
   switch (c.category()) {
-    case TRACER: return 8 * words(c.count()) + miss_bytes(c) * c.misses();
-    case INTERSECTION: return 8 * words(c.count());
-    default: return c.count() * (8 + 6 * std::size_t{c.sum_bytes()});
+    case TRACER:
+      return 8 * words(c.count()) + miss_bytes(c) * c.misses();
+    case INTERSECTION:
+      return 8 * words(c.count());
+    default:
+      return c.count() * (8 + 6 * std::size_t{c.sum_bytes()});
   }
 }
-std::size_t bulk_bytes(const PathEnds&, const EndsControl& c) { return c.count() * end_bytes(c.radiance_bytes()); }
+std::size_t bulk_bytes(const PathEnds&, const EndsControl& c) {
+  return c.count() * end_bytes(c.radiance_bytes());
+}
 
 void write_bulk(const SubmitTask& m, const SubmitControl& c, std::span<std::byte> out) {
   ColumnWriter w(out);
   if (const auto* rays = std::get_if<OcclusionBlock>(&m.payload)) {
-    for (const auto& chunk : rays->chunks) w.put_low(chunk->data(), chunk->size() * sizeof(OcclusionRay));
+    for (const auto& chunk : rays->chunks)
+      w.put_low(chunk->data(), chunk->size() * sizeof(OcclusionRay));
     return;
   }
   const auto* block = std::get_if<SegmentBlock>(&m.payload);
@@ -354,14 +375,19 @@ Result<Message> read_submit(const SubmitControl& c, std::span<const std::byte> b
   m.epoch = c.epoch();
   m.generation = c.generation();
   switch (c.category()) {
-    case TRACER: return read_segments(std::move(m), c, bulk);
-    case INTERSECTION: return read_rays(std::move(m), c, bulk);
-    case RENDERER: break;
-    default: return failure("tasks of this category are not submitted");
+    case TRACER:
+      return read_segments(std::move(m), c, bulk);
+    case INTERSECTION:
+      return read_rays(std::move(m), c, bulk);
+    case RENDERER:
+      break;
+    default:
+      return failure("tasks of this category are not submitted");
   }
   if (!bulk.empty()) return failure("a renderer task has no bulk");
   const RendererRange r{c.task(), c.x0(), c.y0(), c.x1(), c.y1(), c.sample_begin(), c.sample_end()};
-  if (r.x0 >= r.x1 || r.y0 >= r.y1 || r.sample_begin >= r.sample_end) return failure("an empty renderer task");
+  if (r.x0 >= r.x1 || r.y0 >= r.y1 || r.sample_begin >= r.sample_end)
+    return failure("an empty renderer task");
   const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
   if (pixels > kMaxTaskPixels || pixels * (r.sample_end - r.sample_begin) > kMaxTaskPaths)
     return failure("a renderer task is too large");
@@ -427,7 +453,8 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
 
 Result<Message> read_ends(const EndsControl& c, std::span<const std::byte> bulk) {
   const std::size_t n = c.count(), w = c.radiance_bytes();
-  if (w < 1 || w > 8 || n == 0 || bulk.size() != n * end_bytes(w)) return failure("path ends have the wrong length");
+  if (w < 1 || w > 8 || n == 0 || bulk.size() != n * end_bytes(w))
+    return failure("path ends have the wrong length");
   PathEnds m;
   m.generation = c.generation();
   m.ends.resize(n);

@@ -7,7 +7,7 @@
 namespace cloudrenderer::wire {
 namespace {
 
-constexpr std::uint32_t kMaxHosts = 0xffff;       // a segment's owner has 16 bits
+constexpr std::uint32_t kMaxHosts = 0xffff;  // a segment's owner has 16 bits
 constexpr std::uint32_t kMaxParts = 1u << 22;
 constexpr std::uint32_t kMaxResolution = 1u << 16;
 constexpr std::size_t kMaxText = 4096;
@@ -25,8 +25,10 @@ template <class Entries>
 const char* check_entries(const Entries& entries) {
   for (const HostEntry& e : entries) {
     if (e.host() == 0 || e.host() >= kMaxHosts) return "a host number is out of range";
-    if (!is_amount(e.load_s()) || !is_amount(e.segments_per_s())) return "a host's load is no amount";
-    if (e.name().size() > kMaxText || e.address().size() > kMaxText) return "a host's name or address is too long";
+    if (!is_amount(e.load_s()) || !is_amount(e.segments_per_s()))
+      return "a host's load is no amount";
+    if (e.name().size() > kMaxText || e.address().size() > kMaxText)
+      return "a host's name or address is too long";
   }
   return nullptr;
 }
@@ -34,18 +36,23 @@ const char* check_entries(const Entries& entries) {
 }  // namespace
 
 const char* check(const Hello& m) {
-  if (m.name().size() > kMaxText || m.listen().size() > kMaxText || m.instruction_set().size() > kMaxText ||
-      m.version().size() > kMaxText || m.features_size() > 64)
+  if (m.name().size() > kMaxText || m.listen().size() > kMaxText ||
+      m.instruction_set().size() > kMaxText || m.version().size() > kMaxText ||
+      m.features_size() > 64)
     return "a text is too long";
-  return m.threads() == 0 || m.threads() > 65536 ? "the number of threads is out of range" : nullptr;
+  return m.threads() == 0 || m.threads() > 65536 ? "the number of threads is out of range"
+                                                 : nullptr;
 }
 
 const char* check(const Welcome& m) {
   if (m.host() == 0 || m.host() >= kMaxHosts) return "the host number is out of range";
-  return is_amount(m.heartbeat_s()) && is_amount(m.lost_after_s()) ? nullptr : "a time is out of range";
+  return is_amount(m.heartbeat_s()) && is_amount(m.lost_after_s()) ? nullptr
+                                                                   : "a time is out of range";
 }
 
-const char* check(const PeerHello& m) { return m.host() >= kMaxHosts ? "the host number is out of range" : nullptr; }
+const char* check(const PeerHello& m) {
+  return m.host() >= kMaxHosts ? "the host number is out of range" : nullptr;
+}
 
 const char* check(const HostList& m) { return check_entries(m.hosts()); }
 
@@ -61,19 +68,26 @@ const char* check(const SceneHostMap& m) {
 }
 
 const char* check(const JobStart& m) {
-  if (m.width() == 0 || m.height() == 0 || m.width() > kMaxResolution || m.height() > kMaxResolution ||
-      m.x0() >= m.x1() || m.y0() >= m.y1() || m.x1() > m.width() || m.y1() > m.height())
+  if (m.width() == 0 || m.height() == 0 || m.width() > kMaxResolution ||
+      m.height() > kMaxResolution || m.x0() >= m.x1() || m.y0() >= m.y1() || m.x1() > m.width() ||
+      m.y1() > m.height())
     return "the frame is empty or out of range";
-  if (m.part_count() == 0 || m.part_count() > kMaxParts) return "the number of parts is out of range";
+  if (m.part_count() == 0 || m.part_count() > kMaxParts)
+    return "the number of parts is out of range";
   if (m.spp() == 0) return "no samples";
   if (m.k() < -1000 || m.k() > 1000) return "the fixed point is out of range";
   return m.columns() & ~kAllColumns ? "unknown segment columns" : nullptr;
 }
 
-const char* check(const LoadParts& m) { return all_below(m.parts(), kMaxParts) ? nullptr : "no such part"; }
-const char* check(const UnloadParts& m) { return all_below(m.parts(), kMaxParts) ? nullptr : "no such part"; }
+const char* check(const LoadParts& m) {
+  return all_below(m.parts(), kMaxParts) ? nullptr : "no such part";
+}
+const char* check(const UnloadParts& m) {
+  return all_below(m.parts(), kMaxParts) ? nullptr : "no such part";
+}
 const char* check(const LoadReport& m) {
-  return all_below(m.loaded(), kMaxParts) && all_below(m.unloaded(), kMaxParts) ? nullptr : "no such part";
+  return all_below(m.loaded(), kMaxParts) && all_below(m.unloaded(), kMaxParts) ? nullptr
+                                                                                : "no such part";
 }
 
 const char* check(const BlobRequest& m) {

@@ -13,7 +13,8 @@
 namespace cloudrenderer::wire {
 namespace {
 
-constexpr std::size_t kCheckedBefore = 8;  // type, version, control length: they are part of the checksum
+constexpr std::size_t kCheckedBefore =
+    8;  // type, version, control length: they are part of the checksum
 
 template <class T>
 inline constexpr bool kHasBulk =
@@ -23,7 +24,8 @@ std::uint64_t checksum(std::span<const std::byte> payload) {
   // The fields before the checksum seed the hash of what comes after it.
   std::uint64_t head;
   std::memcpy(&head, payload.data(), kCheckedBefore);
-  return XXH3_64bits_withSeed(payload.data() + kPayloadHeaderBytes, payload.size() - kPayloadHeaderBytes, head);
+  return XXH3_64bits_withSeed(payload.data() + kPayloadHeaderBytes,
+                              payload.size() - kPayloadHeaderBytes, head);
 }
 
 // Reserves a payload, writes header and control, and returns where the bulk begins.
@@ -32,12 +34,14 @@ std::size_t write_control(std::vector<std::byte>& out, std::size_t type, const C
                           std::size_t bulk_bytes) {
   const std::size_t control_bytes = control.ByteSizeLong();
   out.resize(kPayloadHeaderBytes + control_bytes + bulk_bytes);
-  const auto type16 = static_cast<std::uint16_t>(type), version = static_cast<std::uint16_t>(kProtocolVersion);
+  const auto type16 = static_cast<std::uint16_t>(type),
+             version = static_cast<std::uint16_t>(kProtocolVersion);
   const auto control32 = static_cast<std::uint32_t>(control_bytes);
   std::memcpy(out.data(), &type16, 2);
   std::memcpy(out.data() + 2, &version, 2);
   std::memcpy(out.data() + 4, &control32, 4);
-  control.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(out.data() + kPayloadHeaderBytes));
+  control.SerializeWithCachedSizesToArray(
+      reinterpret_cast<std::uint8_t*>(out.data() + kPayloadHeaderBytes));
   return kPayloadHeaderBytes + control_bytes;
 }
 
@@ -82,18 +86,21 @@ constexpr std::array<Decoder, sizeof...(I)> decoders(std::index_sequence<I...>) 
 constexpr auto kDecoders = decoders(std::make_index_sequence<std::variant_size_v<Message>>());
 
 constexpr std::array<const char*, std::variant_size_v<Message>> kNames = {
-    "Challenge", "Proof",     "Hello",       "Welcome",    "Refused",     "PeerHello",  "HostList", "SceneHostMap",
-    "JobStart",  "JobEnd",    "CancelJob",   "LoadParts",  "UnloadParts", "LoadReport", "BlobRequest", "BlobChunk",
-    "SubmitTask", "Reply",    "PathEnds",    "Status",     "Leave",       "Error"};
+    "Challenge",   "Proof",        "Hello",       "Welcome",   "Refused",    "PeerHello",
+    "HostList",    "SceneHostMap", "JobStart",    "JobEnd",    "CancelJob",  "LoadParts",
+    "UnloadParts", "LoadReport",   "BlobRequest", "BlobChunk", "SubmitTask", "Reply",
+    "PathEnds",    "Status",       "Leave",       "Error"};
 
 }  // namespace
 
 const char* message_name(const Message& m) { return kNames[m.index()]; }
 
-std::array<std::byte, kFrameHeaderBytes> encode_frame_header(const LinkHeader& link, std::size_t payload_bytes) {
+std::array<std::byte, kFrameHeaderBytes> encode_frame_header(const LinkHeader& link,
+                                                             std::size_t payload_bytes) {
   std::array<std::byte, kFrameHeaderBytes> out;
   const auto length = static_cast<std::uint32_t>(payload_bytes + 16);
-  const std::array<std::uint32_t, 5> fields{length, link.incarnation, link.sequence, link.ack, link.window};
+  const std::array<std::uint32_t, 5> fields{length, link.incarnation, link.sequence, link.ack,
+                                            link.window};
   std::memcpy(out.data(), fields.data(), sizeof fields);
   return out;
 }
@@ -101,7 +108,8 @@ std::array<std::byte, kFrameHeaderBytes> encode_frame_header(const LinkHeader& l
 Result<FrameHeader> decode_frame_header(std::span<const std::byte, kFrameHeaderBytes> bytes) {
   std::array<std::uint32_t, 5> f;
   std::memcpy(f.data(), bytes.data(), sizeof f);
-  if (f[0] < 16 || f[0] > kMaxFrameBytes - 4) return Result<FrameHeader>::failure("the frame's length is out of range");
+  if (f[0] < 16 || f[0] > kMaxFrameBytes - 4)
+    return Result<FrameHeader>::failure("the frame's length is out of range");
   return FrameHeader{f[0] - 16, {f[1], f[2], f[3], f[4]}};
 }
 
@@ -111,7 +119,8 @@ Bytes encode(const Message& m) {
       [&]<class T>(const T& message) {
         if constexpr (kHasBulk<T>) {
           const auto control = control_of(message);
-          const std::size_t bulk = write_control(*out, m.index(), control, bulk_bytes(message, control));
+          const std::size_t bulk =
+              write_control(*out, m.index(), control, bulk_bytes(message, control));
           write_bulk(message, control, std::span(*out).subspan(bulk));
         } else {
           write_control(*out, m.index(), message, 0);
@@ -133,10 +142,12 @@ Result<Message> decode(std::span<const std::byte> payload) {
   std::memcpy(&version, payload.data() + 2, 2);
   std::memcpy(&control_bytes, payload.data() + 4, 4);
   std::memcpy(&sum, payload.data() + kCheckedBefore, 8);
-  if (version != kProtocolVersion) return failure("protocol version " + std::to_string(version) + ", this host speaks " +
-                                                  std::to_string(kProtocolVersion));
+  if (version != kProtocolVersion)
+    return failure("protocol version " + std::to_string(version) + ", this host speaks " +
+                   std::to_string(kProtocolVersion));
   if (type >= kDecoders.size()) return failure("unknown message type " + std::to_string(type));
-  if (control_bytes > payload.size() - kPayloadHeaderBytes) return failure("the control part is longer than the payload");
+  if (control_bytes > payload.size() - kPayloadHeaderBytes)
+    return failure("the control part is longer than the payload");
   if (checksum(payload) != sum) return failure("the checksum does not match");
   const auto rest = payload.subspan(kPayloadHeaderBytes);
   return kDecoders[type](rest.first(control_bytes), rest.subspan(control_bytes));

@@ -2,7 +2,8 @@
 // Bytes <-> messages. No sockets, no state; any thread. The format is described in README.md.
 //
 //   frame   = u32 length of all that follows | link header (16) | payload
-//   payload = u16 type | u16 version | u32 control bytes | u64 xxh3 of type..control length, control and bulk
+//   payload = u16 type | u16 version | u32 control bytes | u64 xxh3 of type..control length,
+//   control and bulk
 //             | control (protobuf) | bulk (columns)
 // All numbers little-endian. A frame without payload (length 16) only acknowledges.
 #include <array>
@@ -19,7 +20,7 @@ namespace cloudrenderer::wire {
 
 inline constexpr std::size_t kMaxFrameBytes = std::size_t{16} << 20;  // length prefix included
 inline constexpr std::size_t kMaxBlobChunk = std::size_t{1} << 20;
-inline constexpr std::size_t kFrameHeaderBytes = 20;                  // length and link header
+inline constexpr std::size_t kFrameHeaderBytes = 20;  // length and link header
 inline constexpr std::size_t kPayloadHeaderBytes = 16;
 // No coordinate of a ray that comes from outside is larger: Embree's own limit is a little above.
 inline constexpr float kMaxCoordinate = 1e18f;
@@ -29,9 +30,10 @@ using Bytes = std::shared_ptr<const std::vector<std::byte>>;  // an encoded payl
 // What makes delivery exactly-once and in order; see tasks/link.h.
 struct LinkHeader {
   std::uint32_t incarnation = 0;  // low half of the sender's
-  std::uint32_t sequence = 0;     // from 1; 0: not part of the sequence (handshake, plain acknowledgement)
-  std::uint32_t ack = 0;          // every sequence up to this one has arrived
-  std::uint32_t window = 0;       // bit i: ack + 2 + i has arrived too
+  std::uint32_t sequence =
+      0;                  // from 1; 0: not part of the sequence (handshake, plain acknowledgement)
+  std::uint32_t ack = 0;  // every sequence up to this one has arrived
+  std::uint32_t window = 0;  // bit i: ack + 2 + i has arrived too
 };
 
 struct FrameHeader {
@@ -39,14 +41,16 @@ struct FrameHeader {
   LinkHeader link;
 };
 
-std::array<std::byte, kFrameHeaderBytes> encode_frame_header(const LinkHeader& link, std::size_t payload_bytes);
-// Fails for lengths outside [16, kMaxFrameBytes]: nothing may be allocated then, the connection is to be closed.
+std::array<std::byte, kFrameHeaderBytes> encode_frame_header(const LinkHeader& link,
+                                                             std::size_t payload_bytes);
+// Fails for lengths outside [16, kMaxFrameBytes]: nothing may be allocated then, the connection is
+// to be closed.
 Result<FrameHeader> decode_frame_header(std::span<const std::byte, kFrameHeaderBytes> bytes);
 
 // The payload of a message. The caller keeps blocks below the cap (cores do).
 Bytes encode(const Message& m);
-// Checks the checksum, every length before anything is allocated, and every value that could do harm: rays must be
-// finite, below kMaxCoordinate, with a direction near unit length.
+// Checks the checksum, every length before anything is allocated, and every value that could do
+// harm: rays must be finite, below kMaxCoordinate, with a direction near unit length.
 Result<Message> decode(std::span<const std::byte> payload);
 
 }  // namespace cloudrenderer::wire

@@ -1,9 +1,10 @@
 #pragma once
-// All that hosts say to each other. Control messages are the generated protobuf values themselves (messages.proto lists
-// their fields once); the three that carry columns are the structs below.
+// All that hosts say to each other. Control messages are the generated protobuf values themselves
+// (messages.proto lists their fields once); the three that carry columns are the structs below.
 //
-// To add a message: its fields in messages.proto (or a struct here with its codec in bulk_codec.cpp), one word at the
-// END of the variant (the index, from 0, is the type number on the wire), one handler in the core that gets it.
+// To add a message: its fields in messages.proto (or a struct here with its codec in
+// bulk_codec.cpp), one word at the END of the variant (the index, from 0, is the type number on the
+// wire), one handler in the core that gets it.
 #include <compare>
 #include <cstdint>
 #include <functional>
@@ -19,7 +20,8 @@ namespace cloudrenderer::wire {
 
 inline constexpr std::uint32_t kProtocolVersion = 1;
 
-// Names a task everywhere: the incarnation of the host that made it, and its running number there. Never used twice.
+// Names a task everywhere: the incarnation of the host that made it, and its running number there.
+// Never used twice.
 struct TaskUuid {
   std::uint64_t origin = 0, number = 0;
   friend auto operator<=>(const TaskUuid&, const TaskUuid&) = default;
@@ -27,16 +29,16 @@ struct TaskUuid {
 
 // The optional columns of a job's segment blocks; the others always travel.
 enum Column : std::uint32_t {
-  kColumnBestHit = 1,     // some segment visits more than one holder: more than two parts
-  kColumnTested = 2,      // likewise; with the window
+  kColumnBestHit = 1,  // some segment visits more than one holder: more than two parts
+  kColumnTested = 2,   // likewise; with the window
   kColumnPreviousNormal = 4,
-  kColumnCone = 8,        // textures with a footprint
+  kColumnCone = 8,  // textures with a footprint
 };
 using ColumnSet = std::uint32_t;
 inline constexpr ColumnSet kAllColumns = 15;
 
-// Shared, because a sender keeps its segments until they are answered. A block is the concatenation of its chunks;
-// a decoded block has one chunk.
+// Shared, because a sender keeps its segments until they are answered. A block is the concatenation
+// of its chunks; a decoded block has one chunk.
 using SegmentChunk = std::shared_ptr<const std::vector<PathSegment>>;
 using RayChunk = std::shared_ptr<const std::vector<OcclusionRay>>;
 
@@ -61,7 +63,7 @@ struct OcclusionBlock {
 // "Do this for me." A renderer task comes from the manager; blocks come from workers.
 struct SubmitTask {
   TaskUuid id;
-  std::uint32_t epoch = 0;       // of the sender's scene-host map
+  std::uint32_t epoch = 0;  // of the sender's scene-host map
   std::uint32_t generation = 0;
   std::variant<RendererRange, SegmentBlock, OcclusionBlock> payload;
 };
@@ -73,19 +75,19 @@ struct TracerReply {
   std::uint32_t count = 0;              // segments of the block
 };
 struct OcclusionReply {
-  std::vector<std::uint64_t> blocked;   // bit i: ray i
+  std::vector<std::uint64_t> blocked;  // bit i: ray i
   std::uint32_t count = 0;
 };
 struct RendererReply {
   std::uint32_t task = 0;
-  std::vector<PixelSums> sums;          // row by row over the task's tile
+  std::vector<PixelSums> sums;             // row by row over the task's tile
   std::uint64_t invalid = 0, clamped = 0;  // samples
 };
-struct Refusal {};                      // "not a holder at your epoch": nothing was done
+struct Refusal {};  // "not a holder at your epoch": nothing was done
 
 struct Reply {
   TaskUuid id;
-  std::uint32_t epoch = 0;              // of the replier
+  std::uint32_t epoch = 0;  // of the replier
   std::variant<Refusal, TracerReply, OcclusionReply, RendererReply> payload;
 };
 
@@ -95,9 +97,10 @@ struct PathEnds {
   std::vector<PathEnd> ends;
 };
 
-using Message = std::variant<Challenge, Proof, Hello, Welcome, Refused, PeerHello, HostList, SceneHostMap, JobStart,
-                             JobEnd, CancelJob, LoadParts, UnloadParts, LoadReport, BlobRequest, BlobChunk,
-                             SubmitTask, Reply, PathEnds, Status, Leave, Error>;
+using Message =
+    std::variant<Challenge, Proof, Hello, Welcome, Refused, PeerHello, HostList, SceneHostMap,
+                 JobStart, JobEnd, CancelJob, LoadParts, UnloadParts, LoadReport, BlobRequest,
+                 BlobChunk, SubmitTask, Reply, PathEnds, Status, Leave, Error>;
 
 // For log lines: "SubmitTask".
 const char* message_name(const Message& m);

@@ -6,7 +6,7 @@
 namespace cloudrenderer::sim {
 namespace {
 
-constexpr double kEndOfTime = 600;     // virtual seconds: a run that is not done by then never will be
+constexpr double kEndOfTime = 600;  // virtual seconds: a run that is not done by then never will be
 constexpr HostId kManager{0};
 constexpr std::uint64_t kPartBytes = 100;
 
@@ -17,7 +17,8 @@ std::vector<PixelSums> reference(const Scenario& s) {
   for (std::uint32_t p = 0; p < s.scene.parts; ++p) engine.resident.insert(p);
   std::vector<PixelSums> film(std::size_t{s.scene.width} * s.height);
   SegmentBatch batch;
-  engine.camera({0, 0, 0, s.scene.width, s.height, 0, s.spp}, 1, 0, film.size() * s.spp, batch.segments);
+  engine.camera({0, 0, 0, s.scene.width, s.height, 0, s.spp}, 1, 0, film.size() * s.spp,
+                batch.segments);
   while (!batch.segments.empty()) {
     batch.hits.clear();
     engine.trace(batch);
@@ -47,20 +48,21 @@ class Loader final : public PartLoader {
 struct Node {
   explicit Node(HostId h) : id(h) {}
   HostId id;
-  std::unique_ptr<WorkerCore> core;    // null: the manager
+  std::unique_ptr<WorkerCore> core;  // null: the manager
   std::unique_ptr<Loader> loader;
   std::map<HostId, Link> links;
-  std::set<HostId> peers, gone;        // of the last host list; once there, now not
+  std::set<HostId> peers, gone;  // of the last host list; once there, now not
   std::uint64_t hosts_version = 0;
   std::uint32_t busy = 0;
   bool alive = true;
-  bool going = false;                  // an event has struck it
-  double wake = 0;                     // the next timer that is set
+  bool going = false;  // an event has struck it
+  double wake = 0;     // the next timer that is set
 };
 
 class Simulation {
  public:
-  explicit Simulation(const Scenario& s) : s_(s), dice_(s.seed ^ 0xabcdef), manager_(manager_options(), job()) {
+  explicit Simulation(const Scenario& s)
+      : s_(s), dice_(s.seed ^ 0xabcdef), manager_(manager_options(), job()) {
     nodes_.push_back(std::make_unique<Node>(kManager));
     nodes_[0]->wake = kEndOfTime * 2;
   }
@@ -69,7 +71,8 @@ class Simulation {
     for (std::uint32_t i = 0; i < s_.hosts; ++i) at(dice_.real() * 0.05, [this] { join(); });
     for (const Scenario::Event& e : s_.events) at(e.at, [this, e] { happen(e.kind); });
     pump(*nodes_[0]);
-    while (!events_.empty() && !manager_.finished() && now_ < kEndOfTime && out_.error.empty()) step();
+    while (!events_.empty() && !manager_.finished() && now_ < kEndOfTime && out_.error.empty())
+      step();
     if (out_.error.empty()) check();
     out_.seconds = now_;
     return out_;
@@ -96,7 +99,8 @@ class Simulation {
     j.spp = s_.spp;
     j.seed = s_.seed;
     for (std::uint32_t p = 0; p < s_.scene.parts; ++p)
-      j.parts.push_back({p == 0 ? 10 : kPartBytes + mix64(s_.seed + p) % 20, Vec3(static_cast<float>(p)), {}});
+      j.parts.push_back(
+          {p == 0 ? 10 : kPartBytes + mix64(s_.seed + p) % 20, Vec3(static_cast<float>(p)), {}});
     j.start.set_job(s_.seed + 1);
     j.start.set_part_count(s_.scene.parts);
     j.start.set_width(s_.scene.width);
@@ -108,7 +112,9 @@ class Simulation {
     return j;
   }
 
-  void at(double t, std::function<void()> what) { events_.push({t, next_order_++, std::move(what)}); }
+  void at(double t, std::function<void()> what) {
+    events_.push({t, next_order_++, std::move(what)});
+  }
   void step() {
     Event e = events_.top();
     events_.pop();
@@ -116,7 +122,8 @@ class Simulation {
     e.what();
   }
   void fail(const std::string& why) {
-    if (out_.error.empty()) out_.error = "seed " + std::to_string(s_.seed) + " at " + std::to_string(now_) + " s: " + why;
+    if (out_.error.empty())
+      out_.error = "seed " + std::to_string(s_.seed) + " at " + std::to_string(now_) + " s: " + why;
   }
 
   // ---- hosts ----
@@ -129,7 +136,8 @@ class Simulation {
     hello.set_incarnation(incarnation_of(HostId(static_cast<std::uint32_t>(nodes_.size()))));
     const auto id = manager_.join(hello, now_);
     if (!id) {
-      if (!manager_.finished() && manager_.phase() != ManagerCore::Phase::ending) fail("refused: " + id.error());
+      if (!manager_.finished() && manager_.phase() != ManagerCore::Phase::ending)
+        fail("refused: " + id.error());
       return;
     }
     auto node = std::make_unique<Node>(*id);
@@ -204,7 +212,8 @@ class Simulation {
       auto work = n.core->take(now_);
       if (!work) break;
       ++n.busy;
-      const double t = s_.seconds_per_segment * static_cast<double>(work->segments() + 1) * (0.5 + dice_.real());
+      const double t =
+          s_.seconds_per_segment * static_cast<double>(work->segments() + 1) * (0.5 + dice_.real());
       auto held = std::make_shared<Work>(std::move(*work));
       at(now_ + t, [this, &n, held] {
         if (!n.alive) return;
@@ -226,8 +235,9 @@ class Simulation {
   }
   void tick(Node& n) {
     DriverCounters c;
-    c.drained = std::all_of(n.links.begin(), n.links.end(),
-                            [](const auto& l) { return l.first == kManager || l.second.drained(); });
+    c.drained = std::all_of(n.links.begin(), n.links.end(), [](const auto& l) {
+      return l.first == kManager || l.second.drained();
+    });
     n.core->set_driver_counters(c);
     n.core->tick(now_);
   }
@@ -251,7 +261,8 @@ class Simulation {
     o.retransmit_after = 0.05 + 4 * (s_.delay + s_.jitter);
     o.window = 64;
     const auto low = [](std::uint64_t v) { return static_cast<std::uint32_t>(v); };
-    return n.links.try_emplace(to, low(incarnation_of(n.id)), low(incarnation_of(to)), o).first->second;
+    return n.links.try_emplace(to, low(incarnation_of(n.id)), low(incarnation_of(to)), o)
+        .first->second;
   }
   void send(Node& n, HostId to, const wire::Message& m) {
     if (to == n.id) return fail("a host sends to itself: " + std::string(wire::message_name(m)));
@@ -261,7 +272,8 @@ class Simulation {
     ++out_.frames;
     for (int copies = dice_.chance(s_.doubling) ? 2 : 1; copies > 0; --copies) {
       if (dice_.chance(s_.loss)) continue;
-      at(now_ + s_.delay + s_.jitter * dice_.real(), [this, from, to, frame] { arrive(from, to, frame); });
+      at(now_ + s_.delay + s_.jitter * dice_.real(),
+         [this, from, to, frame] { arrive(from, to, frame); });
     }
   }
   void arrive(HostId from, HostId to, const Link::Frame& frame) {
@@ -296,7 +308,8 @@ class Simulation {
     if (p.paths_done != p.paths_total) return fail("paths were lost or counted twice");
     // A path waits at one host, and while it moves at two.
     const std::uint64_t hosts = nodes_.size() - 1, bound = 2 * hosts * s_.worker.path_credits;
-    if (out_.most_segments > bound) return fail("a host held " + std::to_string(out_.most_segments) + " segments");
+    if (out_.most_segments > bound)
+      return fail("a host held " + std::to_string(out_.most_segments) + " segments");
     for (const auto& n : nodes_)
       if (n->core && n->alive && manager_.hosts().at(n->id).last.final()) check_empty(*n);
     for (const auto& [id, report] : manager_.hosts()) {
@@ -310,7 +323,8 @@ class Simulation {
   // A host that has reported the end of its job holds nothing of it any more.
   void check_empty(const Node& n) {
     if (n.core->queued_segments() + n.core->kept_segments() != 0) fail("segments are left over");
-    for (const TaskState state : {TaskState::fresh, TaskState::waiting, TaskState::submitting, TaskState::replying})
+    for (const TaskState state :
+         {TaskState::fresh, TaskState::waiting, TaskState::submitting, TaskState::replying})
       if (n.core->tasks_in(state) != 0) fail(std::string("tasks are left over: ") + name(state));
   }
   std::string state() const {
@@ -318,8 +332,9 @@ class Simulation {
     for (const auto& n : nodes_) {
       if (!n->core) continue;
       const wire::Status st = n->core->status();
-      text += "\n  host " + std::to_string(n->id.value) + (n->alive ? "" : " (dead)") + ": queued " +
-              std::to_string(st.queued_segments()) + ", kept " + std::to_string(n->core->kept_segments()) + ", live " +
+      text += "\n  host " + std::to_string(n->id.value) + (n->alive ? "" : " (dead)") +
+              ": queued " + std::to_string(st.queued_segments()) + ", kept " +
+              std::to_string(n->core->kept_segments()) + ", live " +
               std::to_string(st.live_paths()) + ", epoch " + std::to_string(st.epoch()) + "/" +
               std::to_string(st.generation()) + ", tasks";
       for (std::size_t i = 0; i < kTaskStates; ++i)
@@ -390,7 +405,8 @@ Scenario random_scenario(std::uint64_t seed) {
       s.events.push_back({kind, 0.05 + 0.6 * d.real() * d.real()});
     }
   }
-  // Enough for all that must be held by the hosts that remain, and rarely for everything everywhere.
+  // Enough for all that must be held by the hosts that remain, and rarely for everything
+  // everywhere.
   const std::uint64_t all = s.scene.parts * (kPartBytes + 20) * std::min(s.replication, least);
   s.memory = d.chance(0.2) ? 100'000 : 10 + all * 13 / 10 / least + 3 * (kPartBytes + 20);
   return s;

@@ -1,6 +1,7 @@
 #pragma once
-// A whole cluster in virtual time in one thread: the real cores, links and codec, with a network that loses, doubles,
-// delays and reorders frames, and hosts that join late, leave and die. A pure function of the seed.
+// A whole cluster in virtual time in one thread: the real cores, links and codec, with a network
+// that loses, doubles, delays and reorders frames, and hosts that join late, leave and die. A pure
+// function of the seed.
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -37,10 +38,10 @@ struct Scenario {
   std::uint64_t seed = 0;
   MadeUpScene scene;
   std::uint32_t height = 8, spp = 4;
-  std::uint32_t hosts = 2;             // from the start
+  std::uint32_t hosts = 2;  // from the start
   std::uint32_t threads = 1;
   std::uint32_t replication = 1;
-  std::uint64_t memory = 0;            // of each host; a part has about 100
+  std::uint64_t memory = 0;  // of each host; a part has about 100
   WorkerOptions worker;
   ManagerOptions manager;
   double loss = 0, doubling = 0, delay = 0.001, jitter = 0;
@@ -54,9 +55,9 @@ struct Scenario {
 Scenario random_scenario(std::uint64_t seed);
 
 struct Outcome {
-  std::string error;                   // "": all is as it must be
-  double seconds = 0;                  // virtual
-  std::size_t most_segments = 0;       // waiting in one host
+  std::string error;              // "": all is as it must be
+  double seconds = 0;             // virtual
+  std::size_t most_segments = 0;  // waiting in one host
   std::uint64_t frames = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
   std::uint32_t generations = 0;
 };

@@ -1,7 +1,8 @@
 #pragma once
-// A scene without geometry: which parts a ray may hit, what it hits there and how the path goes on are hashes of the
-// path. It keeps every rule of PathEngine (masks, windows, conservative order, only resident parts are tested), so the
-// picture is a pure function of pixel and sample, and any path that went astray shows in it.
+// A scene without geometry: which parts a ray may hit, what it hits there and how the path goes on
+// are hashes of the path. It keeps every rule of PathEngine (masks, windows, conservative order,
+// only resident parts are tested), so the picture is a pure function of pixel and sample, and any
+// path that went astray shows in it.
 #include <algorithm>
 #include <bit>
 #include <cassert>
@@ -17,10 +18,10 @@ namespace cloudrenderer::sim {
 
 struct MadeUpScene {
   std::uint64_t seed = 0;
-  std::uint32_t parts = 1;          // with part 0
+  std::uint32_t parts = 1;  // with part 0
   std::uint32_t width = 8;
-  std::uint32_t longest_list = 6;   // candidates of a ray at most
-  std::uint32_t vertices = 5;       // of a path at most
+  std::uint32_t longest_list = 6;  // candidates of a ray at most
+  std::uint32_t vertices = 5;      // of a path at most
 };
 
 class MadeUpEngine final : public PathEngine {
@@ -48,7 +49,8 @@ class MadeUpEngine final : public PathEngine {
   void trace(SegmentBatch& batch) const override {
     batch.hits.resize(batch.size());
     batch.next.assign(batch.size(), PartId());
-    for (std::size_t i = 0; i < batch.size(); ++i) trace_one(batch.segments[i], batch.hits[i], batch.next[i]);
+    for (std::size_t i = 0; i < batch.size(); ++i)
+      trace_one(batch.segments[i], batch.hits[i], batch.next[i]);
   }
   void route(SegmentBatch& batch) const override { trace(batch); }
 
@@ -56,7 +58,8 @@ class MadeUpEngine final : public PathEngine {
     for (std::size_t i = 0; i < batch.size(); ++i) shade_one(batch.segments[i], batch.hits[i], out);
   }
 
-  void occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const override {
+  void occluded(std::span<const OcclusionRay> rays,
+                std::span<std::uint8_t> blocked) const override {
     for (std::size_t i = 0; i < rays.size(); ++i) {
       blocked[i] = 0;
       for (const Candidate& c : candidates(key_of(rays[i])))
@@ -93,7 +96,9 @@ class MadeUpEngine final : public PathEngine {
     }
     return list;
   }
-  bool blocks(std::uint64_t key, std::uint32_t part) const { return mix64(key ^ (part * 0x9e37u + 5u)) % 6 == 0; }
+  bool blocks(std::uint64_t key, std::uint32_t part) const {
+    return mix64(key ^ (part * 0x9e37u + 5u)) % 6 == 0;
+  }
 
   void hit_part(std::uint64_t key, const Candidate& c, Hit& hit) const {
     const std::uint64_t h = mix64(key ^ (0x51u + std::uint64_t{c.part} * 0x1003fu));
@@ -145,7 +150,8 @@ class MadeUpEngine final : public PathEngine {
     n.window = 0;
     n.best = {};
     n.flags = 0;
-    for (std::size_t c = 0; c < 3; ++c) n.radiance[c] += static_cast<std::int64_t>(mix64(key + c) >> 40) - (1 << 20);
+    for (std::size_t c = 0; c < 3; ++c)
+      n.radiance[c] += static_cast<std::int64_t>(mix64(key + c) >> 40) - (1 << 20);
     ++out.counts.bounce;
     const bool escaped = hit.part == 0xffffffffu;
     const bool ends = escaped || s.vertex + 1u >= scene_.vertices || mix64(key + 9) % 8 == 0;
@@ -163,10 +169,12 @@ class MadeUpEngine final : public PathEngine {
   }
 
   // One shadow ray: true if other hosts must be asked, and the path is parked.
-  bool asks(PathSegment& n, std::uint64_t key, bool ends, std::uint16_t flags, ShadeOutput& out) const {
+  bool asks(PathSegment& n, std::uint64_t key, bool ends, std::uint16_t flags,
+            ShadeOutput& out) const {
     ++out.counts.shadow;
     OcclusionRay ray{Vec3(unit(mix64(key + 14)), unit(mix64(key + 15)), 0), {0, 1, 0}, 5.f};
-    const Fixed3 contribution{static_cast<std::int64_t>(key >> 44), 3, -static_cast<std::int64_t>(key >> 50)};
+    const Fixed3 contribution{static_cast<std::int64_t>(key >> 44), 3,
+                              -static_cast<std::int64_t>(key >> 50)};
     std::vector<std::uint32_t> open;
     for (const Candidate& c : candidates(key_of(ray))) {
       if (!resident.contains(c.part)) {

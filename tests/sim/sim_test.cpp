@@ -1,5 +1,5 @@
-// Thousands of failures in seconds, each replayable: CLOUDRENDERER_SIM_SEED=17 runs seed 17 only, and
-// CLOUDRENDERER_SIM_SEEDS=100000 that many from CLOUDRENDERER_SIM_FIRST (default 0) on.
+// Thousands of failures in seconds, each replayable: CLOUDRENDERER_SIM_SEED=17 runs seed 17 only,
+// and CLOUDRENDERER_SIM_SEEDS=100000 that many from CLOUDRENDERER_SIM_FIRST (default 0) on.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -43,9 +43,9 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
   EXPECT_GT(total.moved, seeds);
   EXPECT_GT(total.asked, seeds);
   EXPECT_GT(total.generations, seeds / 20);
-  std::cout << seeds << " seeds, " << total.seconds << " virtual seconds, " << total.frames << " frames, "
-            << total.moved << " moves, " << total.asked << " asks, " << total.wasted << " wasted paths, hosts lost in "
-            << total.generations << " runs\n";
+  std::cout << seeds << " seeds, " << total.seconds << " virtual seconds, " << total.frames
+            << " frames, " << total.moved << " moves, " << total.asked << " asks, " << total.wasted
+            << " wasted paths, hosts lost in " << total.generations << " runs\n";
 }
 
 INSTANTIATE_TEST_SUITE_P(Cluster, Shard, testing::Values(0, 1, 2, 3));
