@@ -23,7 +23,8 @@ TEST(Size, ReadsUnitsAndFractions) {
 }
 
 TEST(Size, RefusesWhatIsNone) {
-  for (const char* text : {"", "MiB", "-1MiB", "12 parsecs", "1e400", "nan", "0", "64MiBs", "9999999999TiB"})
+  for (const char* text :
+       {"", "MiB", "-1MiB", "12 parsecs", "1e400", "nan", "0", "64MiBs", "9999999999TiB"})
     EXPECT_THROW(parse_size(text), UsageError) << text;
 }
 
@@ -42,20 +43,56 @@ TEST(CommandLine, RenderHasTheDefaultsOfTheContract) {
   EXPECT_EQ(o.request.overrides.seed, 0u);
   EXPECT_FALSE(o.request.overrides.spp);
   EXPECT_FALSE(o.request.listen);
-  EXPECT_NEAR(static_cast<double>(o.request.memory), 0.8 * static_cast<double>(available_memory()), 10);
+  EXPECT_NEAR(static_cast<double>(o.request.memory), 0.8 * static_cast<double>(available_memory()),
+              10);
 }
 
 TEST(CommandLine, HostsOfOneMachineShareItsMemoryByDefault) {
   const auto o = std::get<RenderOptions>(parse({"render", "a.pbrt", "--hosts", "4"}));
-  EXPECT_NEAR(static_cast<double>(o.request.memory), 0.2 * static_cast<double>(available_memory()), 10);
+  EXPECT_NEAR(static_cast<double>(o.request.memory), 0.2 * static_cast<double>(available_memory()),
+              10);
 }
 
 TEST(CommandLine, RenderTakesEveryOption) {
-  const auto o = std::get<RenderOptions>(
-      parse({"render", "a.pbrt", "-o", "b.exr", "--hosts", "3", "--threads", "2", "--memory", "1GiB", "--replication", "2",
-             "--part-size", "1MiB", "--spp", "16", "--max-depth", "0", "--resolution", "640x480", "--seed", "7", "--max-error",
-             "0.01", "--max-time", "2.5", "--reference", "r.exr", "--report", "r.json", "--quiet", "--crop", "0,0.5,0.25,1",
-             "--integrator", "path", "--dialect", "v3", "--alpha", "0.5"}));
+  const auto o = std::get<RenderOptions>(parse({"render",
+                                                "a.pbrt",
+                                                "-o",
+                                                "b.exr",
+                                                "--hosts",
+                                                "3",
+                                                "--threads",
+                                                "2",
+                                                "--memory",
+                                                "1GiB",
+                                                "--replication",
+                                                "2",
+                                                "--part-size",
+                                                "1MiB",
+                                                "--spp",
+                                                "16",
+                                                "--max-depth",
+                                                "0",
+                                                "--resolution",
+                                                "640x480",
+                                                "--seed",
+                                                "7",
+                                                "--max-error",
+                                                "0.01",
+                                                "--max-time",
+                                                "2.5",
+                                                "--reference",
+                                                "r.exr",
+                                                "--report",
+                                                "r.json",
+                                                "--quiet",
+                                                "--crop",
+                                                "0,0.5,0.25,1",
+                                                "--integrator",
+                                                "path",
+                                                "--dialect",
+                                                "v3",
+                                                "--alpha",
+                                                "0.5"}));
   const JobOverrides& j = o.request.overrides;
   EXPECT_EQ(o.output, "b.exr");
   EXPECT_EQ(o.request.hosts, 3u);
@@ -107,11 +144,13 @@ TEST(CommandLine, WrongUsageIsSaid) {
 }
 
 TEST(CommandLine, WorkerAndManagerFindEachOther) {
-  const auto m = std::get<RenderOptions>(parse({"manager", "a.pbrt", "--listen", ":7800", "--min-hosts", "2", "--wait", "5"}));
+  const auto m = std::get<RenderOptions>(
+      parse({"manager", "a.pbrt", "--listen", ":7800", "--min-hosts", "2", "--wait", "5"}));
   EXPECT_EQ(m.request.listen, (Address{"", 7800}));
   EXPECT_EQ(m.request.min_hosts, 2u);
   EXPECT_EQ(m.request.wait_s, 5.0);
-  const auto w = std::get<WorkerOptionsGiven>(parse({"worker", "--manager", "big:7800", "--advertise", "me:1", "--memory", "2GiB"}));
+  const auto w = std::get<WorkerOptionsGiven>(
+      parse({"worker", "--manager", "big:7800", "--advertise", "me:1", "--memory", "2GiB"}));
   EXPECT_EQ(w.config.manager, (Address{"big", 7800}));
   EXPECT_EQ(w.config.advertise, (Address{"me", 1}));
   EXPECT_EQ(w.config.memory, std::uint64_t{2} << 30);
@@ -131,7 +170,8 @@ TEST(Progress, SaysWhatPeopleAskFor) {
   p.paths_total = 80'000'000;
   p.hosts = 2;
   p.estimated_relmse = 0.0123;
-  EXPECT_EQ(describe(p), " 25.0 %  0:10, 0:30 to go, 2.00 M samples/s, 2 hosts, relMSE about 0.012");
+  EXPECT_EQ(describe(p),
+            " 25.0 %  0:10, 0:30 to go, 2.00 M samples/s, 2 hosts, relMSE about 0.012");
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
-#include "cli/report.h"
-
 #include <gtest/gtest.h>
+
+#include "cli/report.h"
 
 namespace cloudrenderer {
 namespace {
@@ -26,8 +26,9 @@ RenderOutcome outcome() {
 
 TEST(Report, HasTheKeysOfTheContract) {
   const auto r = make_report(outcome(), "a.pbrt", ImageDifference{});
-  for (const char* key : {"version", "scene", "width", "height", "spp", "parts", "time", "rays", "wire", "invalid_samples",
-                          "clamped_samples", "bit_exact", "wasted_paths", "error", "convergence", "hosts"})
+  for (const char* key : {"version", "scene", "width", "height", "spp", "parts", "time", "rays",
+                          "wire", "invalid_samples", "clamped_samples", "bit_exact", "wasted_paths",
+                          "error", "convergence", "hosts"})
     EXPECT_TRUE(r.contains(key)) << key;
   const std::vector<std::pair<const char*, std::vector<const char*>>> nested{
       {"parts", {"count", "bytes", "triangles"}},
@@ -37,8 +38,9 @@ TEST(Report, HasTheKeysOfTheContract) {
       {"error", {"estimated_relmse", "relmse", "relmse_trimmed", "mse"}}};
   for (const auto& [key, inner] : nested)
     for (const char* k : inner) EXPECT_TRUE(r[key].contains(k)) << key << "." << k;
-  for (const char* key : {"name", "threads", "memory_budget", "memory_peak", "peak_rss", "parts_loaded", "busy", "bytes_sent",
-                          "bytes_received", "tasks", "retries", "joined_s", "left_s"})
+  for (const char* key :
+       {"name", "threads", "memory_budget", "memory_peak", "peak_rss", "parts_loaded", "busy",
+        "bytes_sent", "bytes_received", "tasks", "retries", "joined_s", "left_s"})
     EXPECT_TRUE(r["hosts"][0].contains(key)) << key;
   for (const char* key : {"loader", "unloader", "renderer", "tracer", "aggregator", "intersection"})
     EXPECT_TRUE(r["hosts"][0]["tasks"].contains(key)) << key;

@@ -1,8 +1,7 @@
-#include "net/address.h"
-
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "net/address.h"
 
 namespace cloudrenderer {
 namespace {
@@ -15,12 +14,14 @@ TEST(Address, ReadsHostsNumbersAndBrackets) {
 }
 
 TEST(Address, SaysWhatIsWrong) {
-  for (const char* text : {"", "host", "host:", "host:x", "host:65536", "host:-1", "::1:80", "[::1:80", "host:80 "})
+  for (const char* text :
+       {"", "host", "host:", "host:x", "host:65536", "host:-1", "::1:80", "[::1:80", "host:80 "})
     EXPECT_THROW(Address::parse(text), UsageError) << text;
 }
 
 TEST(Address, WritesWhatItReads) {
-  for (const char* text : {"10.0.0.1:7800", "[fe80::1]:9", "name:80"}) EXPECT_EQ(Address::parse(text).to_string(), text);
+  for (const char* text : {"10.0.0.1:7800", "[fe80::1]:9", "name:80"})
+    EXPECT_EQ(Address::parse(text).to_string(), text);
 }
 
 TEST(Address, KnowsTheLoopback) {

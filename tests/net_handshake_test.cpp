@@ -1,6 +1,6 @@
-#include "net/handshake.h"
-
 #include <gtest/gtest.h>
+
+#include "net/handshake.h"
 
 namespace cloudrenderer {
 namespace {

@@ -1,11 +1,10 @@
-#include "net/peer_link.h"
-
 #include <gtest/gtest.h>
 
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 
 #include "net/listener.h"
+#include "net/peer_link.h"
 
 namespace cloudrenderer {
 namespace {
@@ -15,8 +14,11 @@ using namespace std::chrono_literals;
 TEST(PeerLink, DeliversOnceAndInOrderOverConnectionsThatBreak) {
   asio::io_context io;
   const auto start = std::chrono::steady_clock::now();
-  const auto now = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
-  const auto a = std::make_shared<PeerLink>(io, 1, 2, now), b = std::make_shared<PeerLink>(io, 2, 1, now);
+  const auto now = [&] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  const auto a = std::make_shared<PeerLink>(io, 1, 2, now),
+             b = std::make_shared<PeerLink>(io, 2, 1, now);
   std::vector<int> got;
 
   const auto begin = [&](const std::shared_ptr<PeerLink>& link, std::unique_ptr<Stream> stream) {
@@ -25,15 +27,19 @@ TEST(PeerLink, DeliversOnceAndInOrderOverConnectionsThatBreak) {
     std::weak_ptr<Session> weak = session;
     session->start({[&, link](WireFrame f) {
                       for (const wire::Bytes& p : link->receive(std::move(f)))
-                        got.push_back(std::to_integer<int>((*p)[0]) | std::to_integer<int>((*p)[1]) << 8);
+                        got.push_back(std::to_integer<int>((*p)[0]) | std::to_integer<int>((*p)[1])
+                                                                          << 8);
                     },
                     [link, weak](const std::string&) {
                       if (const auto s = weak.lock()) link->detach(s.get());
                     }});
     link->attach(session);
   };
-  Listener listener(io, {"127.0.0.1", 0}, [&](std::unique_ptr<Stream> s) { begin(b, std::move(s)); });
-  const auto join = [&]() -> asio::awaitable<void> { begin(a, co_await connect(io, listener.address(), 1s)); };
+  Listener listener(io, {"127.0.0.1", 0},
+                    [&](std::unique_ptr<Stream> s) { begin(b, std::move(s)); });
+  const auto join = [&]() -> asio::awaitable<void> {
+    begin(a, co_await connect(io, listener.address(), 1s));
+  };
   const auto run_until = [&](auto condition) {
     const auto end = std::chrono::steady_clock::now() + 20s;
     while (!condition() && std::chrono::steady_clock::now() < end) io.run_for(1ms);
@@ -64,13 +70,14 @@ TEST(PeerLink, DeliversOnceAndInOrderOverConnectionsThatBreak) {
 TEST(Connect, SaysWhyItFailed) {
   asio::io_context io;
   std::string error;
-  asio::co_spawn(io, connect(io, {"127.0.0.1", 1}, 100ms), [&](std::exception_ptr e, std::unique_ptr<Stream>) {
-    try {
-      if (e) std::rethrow_exception(e);
-    } catch (const std::exception& why) {
-      error = why.what();
-    }
-  });
+  asio::co_spawn(io, connect(io, {"127.0.0.1", 1}, 100ms),
+                 [&](std::exception_ptr e, std::unique_ptr<Stream>) {
+                   try {
+                     if (e) std::rethrow_exception(e);
+                   } catch (const std::exception& why) {
+                     error = why.what();
+                   }
+                 });
   io.run();
   EXPECT_NE(error.find("127.0.0.1:1"), std::string::npos) << error;
 }

@@ -1,5 +1,3 @@
-#include "net/session.h"
-
 #include <gtest/gtest.h>
 
 #include <asio/connect.hpp>
@@ -7,6 +5,7 @@
 
 #include "net/greeting.h"
 #include "net/listener.h"
+#include "net/session.h"
 
 namespace cloudrenderer {
 namespace {
@@ -16,7 +15,8 @@ using asio::ip::tcp;
 
 wire::Bytes bytes_of(std::size_t n, int first = 0) {
   std::vector<std::byte> v(n);
-  for (std::size_t i = 0; i < n; ++i) v[i] = static_cast<std::byte>(i * 7 + static_cast<std::size_t>(first));
+  for (std::size_t i = 0; i < n; ++i)
+    v[i] = static_cast<std::byte>(i * 7 + static_cast<std::size_t>(first));
   return std::make_shared<const std::vector<std::byte>>(std::move(v));
 }
 
@@ -24,19 +24,20 @@ wire::Bytes bytes_of(std::size_t n, int first = 0) {
 class Sessions : public testing::Test {
  protected:
   void listen(SessionLimits limits = {}, bool trust = true) {
-    listener_ = std::make_unique<Listener>(io_, Address{"127.0.0.1", 0}, [this, limits, trust](std::unique_ptr<Stream> s) {
-      auto session = std::make_shared<Session>(std::move(s), limits);
-      if (trust) session->trust();
-      std::weak_ptr<Session> weak = session;
-      session->start({[weak](WireFrame f) {
-                        if (const auto held = weak.lock()) held->send(std::move(f));
-                      },
-                      [this](const std::string& reason) {
-                        ++closed_;
-                        reason_ = reason;
-                      }});
-      sessions_.push_back(session);
-    });
+    listener_ = std::make_unique<Listener>(
+        io_, Address{"127.0.0.1", 0}, [this, limits, trust](std::unique_ptr<Stream> s) {
+          auto session = std::make_shared<Session>(std::move(s), limits);
+          if (trust) session->trust();
+          std::weak_ptr<Session> weak = session;
+          session->start({[weak](WireFrame f) {
+                            if (const auto held = weak.lock()) held->send(std::move(f));
+                          },
+                          [this](const std::string& reason) {
+                            ++closed_;
+                            reason_ = reason;
+                          }});
+          sessions_.push_back(session);
+        });
   }
   tcp::socket connect() {
     tcp::socket s(io_);
@@ -67,7 +68,8 @@ class Sessions : public testing::Test {
     run_until([&] {
       std::array<std::byte, 65536> piece;
       std::error_code error;
-      const std::size_t got = s.read_some(asio::buffer(piece, std::min(piece.size(), n - out.size())), error);
+      const std::size_t got =
+          s.read_some(asio::buffer(piece, std::min(piece.size(), n - out.size())), error);
       out.insert(out.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
       return out.size() == n;
     });
@@ -84,7 +86,8 @@ class Sessions : public testing::Test {
 TEST_F(Sessions, CarryFramesOfEverySizeBothWays) {
   listen();
   tcp::socket s = connect();
-  for (const std::size_t n : {std::size_t{0}, std::size_t{1}, std::size_t{100}, std::size_t{70'000}}) {
+  for (const std::size_t n :
+       {std::size_t{0}, std::size_t{1}, std::size_t{100}, std::size_t{70'000}}) {
     const auto sent = frame(n == 0 ? nullptr : bytes_of(n), 5);
     asio::write(s, asio::buffer(sent));
     EXPECT_EQ(read(s, sent.size()), sent) << n;
@@ -109,7 +112,8 @@ TEST_F(Sessions, TakeFramesThatComeInAnyPieces) {
 
 TEST_F(Sessions, AreClosedOnALengthThatNobodyMaySend) {
   listen();
-  for (const std::uint32_t length : {0xffffffffu, 0u, 15u, static_cast<std::uint32_t>(wire::kMaxFrameBytes) + 1}) {
+  for (const std::uint32_t length :
+       {0xffffffffu, 0u, 15u, static_cast<std::uint32_t>(wire::kMaxFrameBytes) + 1}) {
     tcp::socket s = connect();
     std::array<std::uint32_t, 5> words{length};
     asio::write(s, asio::buffer(words));
@@ -169,7 +173,8 @@ TEST_F(Sessions, SendWhatIsQueuedBeforeTheyClose) {
   const wire::Bytes block = bytes_of(1 << 16);
   for (int i = 0; i < 100; ++i) sessions_[0]->send({{}, block});
   sessions_[0]->close_when_sent();
-  EXPECT_EQ(read(s, 100 * (block->size() + wire::kFrameHeaderBytes)).size(), 100 * (block->size() + wire::kFrameHeaderBytes));
+  EXPECT_EQ(read(s, 100 * (block->size() + wire::kFrameHeaderBytes)).size(),
+            100 * (block->size() + wire::kFrameHeaderBytes));
   run_until([&] { return closed_ == 1; });
   EXPECT_EQ(reason_, "");
 }
@@ -181,7 +186,8 @@ TEST_F(Sessions, ManyAtATimeAreNoTrouble) {
     sockets.push_back(connect());
     asio::write(sockets.back(), asio::buffer(frame(bytes_of(100, i), 1)));
   }
-  for (int i = 0; i < 200; ++i) EXPECT_EQ(read(sockets[static_cast<std::size_t>(i)], 120), frame(bytes_of(100, i), 1));
+  for (int i = 0; i < 200; ++i)
+    EXPECT_EQ(read(sockets[static_cast<std::size_t>(i)], 120), frame(bytes_of(100, i), 1));
   sockets.clear();
   run_until([&] { return closed_ == 200; });
 }
@@ -209,9 +215,9 @@ TEST_F(Sessions, GarbageClosesAGreetingWithOneReason) {
     const int before = closed;
     run_until([&] { return closed == before + 1; });
   };
-  send(frame(bytes_of(50), 0));                            // no message
-  send(frame(nullptr, 0));                                 // acknowledges before it has said anything
-  send(frame(wire::encode(wire::Hello{}), 0));             // not its turn
+  send(frame(bytes_of(50), 0));                 // no message
+  send(frame(nullptr, 0));                      // acknowledges before it has said anything
+  send(frame(wire::encode(wire::Hello{}), 0));  // not its turn
   wire::Proof proof;
   proof.set_code("guessed");
   send(frame(wire::encode(proof), 0));

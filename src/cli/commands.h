@@ -4,7 +4,8 @@
 
 namespace cloudrenderer {
 
-inline constexpr int kDone = 0, kBoundNotMet = 1, kWrongUsage = 2, kBadScene = 3, kNoCluster = 4, kInterrupted = 5;
+inline constexpr int kDone = 0, kBoundNotMet = 1, kWrongUsage = 2, kBadScene = 3, kNoCluster = 4,
+                     kInterrupted = 5;
 
 int run_render(const RenderOptions& options, Interrupts& interrupts);
 int run_split(const SplitCommand& options);

@@ -49,11 +49,12 @@ void print_description(const SceneDescription& scene, Warnings& warnings) {
   fmt::print("{:<12}{}\n", "camera", scene.camera.type);
   const JobSettings job = job_settings(scene, {}, warnings);
   const FilmFrame& f = job.film.frame;
-  fmt::print("{:<12}{} x {}, window [{}, {}) x [{}, {}), {}\n", "film", f.width, f.height, f.x0, f.x1, f.y0, f.y1,
-             job.film.filename);
+  fmt::print("{:<12}{} x {}, window [{}, {}) x [{}, {}), {}\n", "film", f.width, f.height, f.x0,
+             f.x1, f.y0, f.y1, job.film.filename);
   fmt::print("{:<12}{}, {} samples a pixel\n", "sampler", scene.sampler.type, job.spp);
   fmt::print("{:<12}{}\n", "filter", scene.filter.type);
-  fmt::print("{:<12}{}, light gathered at {} vertices\n", "integrator", scene.integrator.type, job.light_vertices);
+  fmt::print("{:<12}{}, light gathered at {} vertices\n", "integrator", scene.integrator.type,
+             job.light_vertices);
   print_counts("materials", count_types(scene.materials));
   print_counts("textures", count_types(scene.textures));
   print_counts("lights", count_types(scene.lights));
@@ -73,13 +74,16 @@ int info_of_split(const std::string& folder) {
   for (const PrototypeInfo& p : m.prototypes) prototype_bytes += p.loaded_bytes;
   fmt::print("{:<12}{}\n", "emissive", m.shape_lights.size());
   fmt::print("{:<12}{}\n", "triangles", m.total_triangles);
-  fmt::print("{:<12}{}, {} when loaded, the largest {}\n", "parts", m.parts.size(), format_size(bytes), format_size(largest));
-  fmt::print("{:<12}{}, {} when loaded\n", "prototypes", m.prototypes.size(), format_size(prototype_bytes));
-  fmt::print("{:<12}({}, {}, {}) to ({}, {}, {})\n", "bounds", m.bounds.min.x, m.bounds.min.y, m.bounds.min.z, m.bounds.max.x,
-             m.bounds.max.y, m.bounds.max.z);
+  fmt::print("{:<12}{}, {} when loaded, the largest {}\n", "parts", m.parts.size(),
+             format_size(bytes), format_size(largest));
+  fmt::print("{:<12}{}, {} when loaded\n", "prototypes", m.prototypes.size(),
+             format_size(prototype_bytes));
+  fmt::print("{:<12}({}, {}, {}) to ({}, {}, {})\n", "bounds", m.bounds.min.x, m.bounds.min.y,
+             m.bounds.min.z, m.bounds.max.x, m.bounds.max.y, m.bounds.max.z);
   for (std::size_t i = 0; i < m.parts.size(); ++i)
-    fmt::print("  part {:<5} {:>10} triangles {:>12} {} boxes, {} prototypes\n", i, m.parts[i].triangles,
-               format_size(m.parts[i].loaded_bytes), m.parts[i].boxes.size(), m.parts[i].prototypes.size());
+    fmt::print("  part {:<5} {:>10} triangles {:>12} {} boxes, {} prototypes\n", i,
+               m.parts[i].triangles, format_size(m.parts[i].loaded_bytes), m.parts[i].boxes.size(),
+               m.parts[i].prototypes.size());
   print_warnings(warnings.list());
   return kDone;
 }
@@ -103,7 +107,8 @@ int info_of_scene(const InfoOptions& options) {
 }  // namespace
 
 int run_info(const InfoOptions& options) {
-  if (!std::filesystem::exists(options.scene)) throw SceneError({}, options.scene + ": there is no such file");
+  if (!std::filesystem::exists(options.scene))
+    throw SceneError({}, options.scene + ": there is no such file");
   return is_split_folder(options.scene) ? info_of_split(options.scene) : info_of_scene(options);
 }
 

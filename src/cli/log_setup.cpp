@@ -9,8 +9,9 @@ namespace cloudrenderer {
 
 void set_up_log(const LogOptions& options) {
   try {
-    const auto logger = options.file.empty() ? spdlog::stderr_color_mt("cloudrenderer")
-                                             : spdlog::basic_logger_mt("cloudrenderer", options.file);
+    const auto logger = options.file.empty()
+                            ? spdlog::stderr_color_mt("cloudrenderer")
+                            : spdlog::basic_logger_mt("cloudrenderer", options.file);
     logger->set_pattern("%Y-%m-%d %H:%M:%S.%e [%P] %^%l%$: %v");
     logger->set_level(spdlog::level::from_str(options.level));
     logger->flush_on(spdlog::level::info);
@@ -22,8 +23,10 @@ void set_up_log(const LogOptions& options) {
 
 void print_warnings(const std::vector<std::string>& warnings) {
   constexpr std::size_t kShown = 20;
-  for (std::size_t i = 0; i < std::min(kShown, warnings.size()); ++i) fmt::print(stderr, "{}\n", warnings[i]);
-  if (warnings.size() > kShown) fmt::print(stderr, "... and {} more warnings\n", warnings.size() - kShown);
+  for (std::size_t i = 0; i < std::min(kShown, warnings.size()); ++i)
+    fmt::print(stderr, "{}\n", warnings[i]);
+  if (warnings.size() > kShown)
+    fmt::print(stderr, "... and {} more warnings\n", warnings.size() - kShown);
 }
 
 }  // namespace cloudrenderer

@@ -14,26 +14,25 @@ struct Overloaded : F... {
 
 int run(int argc, const char* const* argv) {
   Command command = parse_command_line(argc, argv);
-  return std::visit(
-      Overloaded{[&](RenderOptions& o) {
-                   o.command_line.assign(argv, argv + argc);
-                   set_up_log(o.log);
-                   Interrupts interrupts;
-                   return run_render(o, interrupts);
-                 },
-                 [](const WorkerOptionsGiven& o) {
-                   set_up_log(o.log);
-                   Interrupts interrupts;
-                   return run_worker_command(o, interrupts);
-                 },
-                 [](const SplitCommand& o) { return run_split(o); },
-                 [](const CompareOptions& o) { return run_compare(o); },
-                 [](const InfoOptions& o) { return run_info(o); },
-                 [](const HelpText& o) {
-                   fmt::print("{}", o.text);
-                   return kDone;
-                 }},
-      command);
+  return std::visit(Overloaded{[&](RenderOptions& o) {
+                                 o.command_line.assign(argv, argv + argc);
+                                 set_up_log(o.log);
+                                 Interrupts interrupts;
+                                 return run_render(o, interrupts);
+                               },
+                               [](const WorkerOptionsGiven& o) {
+                                 set_up_log(o.log);
+                                 Interrupts interrupts;
+                                 return run_worker_command(o, interrupts);
+                               },
+                               [](const SplitCommand& o) { return run_split(o); },
+                               [](const CompareOptions& o) { return run_compare(o); },
+                               [](const InfoOptions& o) { return run_info(o); },
+                               [](const HelpText& o) {
+                                 fmt::print("{}", o.text);
+                                 return kDone;
+                               }},
+                    command);
 }
 
 int fail(int code, const char* what) {

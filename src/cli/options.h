@@ -14,9 +14,9 @@ struct LogOptions {
   std::string file, level = "warn";
 };
 
-struct RenderOptions {   // render and manager
+struct RenderOptions {  // render and manager
   RenderRequest request;
-  std::string output;    // "": from the scene
+  std::string output;  // "": from the scene
   std::string reference, report, token_file;
   bool quiet = false;
   std::vector<std::string> command_line;
@@ -31,7 +31,7 @@ struct SplitCommand {
 struct WorkerOptionsGiven {
   WorkerConfig config;
   std::string token_file;
-  int parent = 0;        // a process to die with; 0: none
+  int parent = 0;  // a process to die with; 0: none
   LogOptions log;
 };
 
@@ -45,11 +45,12 @@ struct InfoOptions {
   std::optional<Dialect> dialect;
 };
 
-struct HelpText {        // asked for: printed, exit code 0
+struct HelpText {  // asked for: printed, exit code 0
   std::string text;
 };
 
-using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions, InfoOptions, HelpText>;
+using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions,
+                             InfoOptions, HelpText>;
 
 // Throws UsageError.
 Command parse_command_line(int argc, const char* const* argv);

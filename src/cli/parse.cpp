@@ -22,16 +22,22 @@ std::optional<T> number(std::string_view text) {
 template <class T>
 T at_least(const std::string& option, const std::string& text, T least) {
   const std::optional<T> v = number<T>(text);
-  if (!v || !(*v >= least)) throw UsageError(option + " must be a number of at least " + CLI::detail::to_string(least) + ", got '" + text + "'");
+  if (!v || !(*v >= least))
+    throw UsageError(option + " must be a number of at least " + CLI::detail::to_string(least) +
+                     ", got '" + text + "'");
   return *v;
 }
 
-std::vector<std::string> fields(const std::string& text, char separator) { return CLI::detail::split(text, separator); }
+std::vector<std::string> fields(const std::string& text, char separator) {
+  return CLI::detail::split(text, separator);
+}
 
-// Options whose text needs more than a conversion are kept as text and read here, so that every message is ours.
+// Options whose text needs more than a conversion are kept as text and read here, so that every
+// message is ours.
 struct Texts {
-  std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop, dialect, hosts, threads,
-      min_hosts, replication, lost_after, wait, listen, advertise, manager, alpha, max_relmse, parent;
+  std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop,
+      dialect, hosts, threads, min_hosts, replication, lost_after, wait, listen, advertise, manager,
+      alpha, max_relmse, parent;
 };
 
 void add_log(CLI::App& app, LogOptions& log) {
@@ -48,14 +54,16 @@ void add_split(CLI::App& app, Texts& t) {
 void read_split(const Texts& t, SplitOptions& o) {
   if (!t.part_size.empty()) o.part_size = parse_size(t.part_size);
   if (!t.dialect.empty()) {
-    if (t.dialect != "v2" && t.dialect != "v3") throw UsageError("--dialect is v2 or v3, got '" + t.dialect + "'");
+    if (t.dialect != "v2" && t.dialect != "v3")
+      throw UsageError("--dialect is v2 or v3, got '" + t.dialect + "'");
     o.dialect = t.dialect == "v2" ? Dialect::v2 : Dialect::v3;
   }
 }
 
 void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrator) {
   app.add_option("scene", o.request.scene, "a .pbrt file or a folder made by split")->required();
-  app.add_option("-o,--output", o.output, "picture to write, .exr or .png (default: as the scene says, here)");
+  app.add_option("-o,--output", o.output,
+                 "picture to write, .exr or .png (default: as the scene says, here)");
   app.add_option("--replication", t.replication, "hosts that hold each part at least");
   app.add_option("--spp", t.spp, "samples per pixel");
   app.add_option("--max-depth", t.max_depth, "maxdepth of the integrator");
@@ -66,8 +74,10 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--reference", o.reference, "picture to measure the error against");
   app.add_option("--report", o.report, "write figures about the render to this JSON file");
   app.add_option("--crop", t.crop, "X0,X1,Y0,Y1: the part of the picture to render, in [0,1]");
-  app.add_option("--integrator", integrator, "pbrt's name of the integrator to use instead of the scene's");
-  app.add_option("--alpha", t.alpha, "weight of a host's load against the number of hosts, when work is sent");
+  app.add_option("--integrator", integrator,
+                 "pbrt's name of the integrator to use instead of the scene's");
+  app.add_option("--alpha", t.alpha,
+                 "weight of a host's load against the number of hosts, when work is sent");
   app.add_flag("--quiet", o.quiet, "no progress");
   app.add_flag("--allow-inexact", o.request.allow_inexact, "take hosts whose arithmetic differs");
   add_split(app, t);
@@ -78,7 +88,8 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   RenderRequest& r = o.request;
   JobOverrides& j = r.overrides;
   read_split(t, r.split);
-  if (!t.replication.empty()) r.replication = at_least<std::uint32_t>("--replication", t.replication, 1);
+  if (!t.replication.empty())
+    r.replication = at_least<std::uint32_t>("--replication", t.replication, 1);
   if (!t.spp.empty()) j.spp = at_least<std::uint32_t>("--spp", t.spp, 1);
   if (!t.max_depth.empty()) j.max_depth = at_least<std::uint32_t>("--max-depth", t.max_depth, 0);
   if (!t.seed.empty()) j.seed = at_least<std::uint32_t>("--seed", t.seed, 0);
@@ -88,7 +99,8 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
     const auto w = wh.size() == 2 ? number<std::uint32_t>(wh[0]) : std::nullopt;
     const auto h = wh.size() == 2 ? number<std::uint32_t>(wh[1]) : std::nullopt;
     if (!w || !h || *w == 0 || *h == 0 || *w > 65536 || *h > 65536)
-      throw UsageError("--resolution is WIDTHxHEIGHT, for example 640x480, got '" + t.resolution + "'");
+      throw UsageError("--resolution is WIDTHxHEIGHT, for example 640x480, got '" + t.resolution +
+                       "'");
     j.width = w;
     j.height = h;
   }
@@ -102,7 +114,8 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
       if (good) crop[i] = *v;
     }
     if (!good || crop[0] >= crop[1] || crop[2] >= crop[3])
-      throw UsageError("--crop is X0,X1,Y0,Y1 in [0,1] with X0 < X1 and Y0 < Y1, got '" + t.crop + "'");
+      throw UsageError("--crop is X0,X1,Y0,Y1 in [0,1] with X0 < X1 and Y0 < Y1, got '" + t.crop +
+                       "'");
     j.crop = crop;
   }
   if (!t.max_error.empty()) r.max_error = at_least<double>("--max-error", t.max_error, 0);
@@ -113,13 +126,15 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
 
 void add_means(CLI::App& app, Texts& t) {
   app.add_option("--threads", t.threads, "threads of a host (default: all processors)");
-  app.add_option("--memory", t.memory, "memory of a host for parts and textures (default: 80 % of what there is)");
+  app.add_option("--memory", t.memory,
+                 "memory of a host for parts and textures (default: 80 % of what there is)");
 }
 
 }  // namespace
 
 Command parse_command_line(int argc, const char* const* argv) {
-  CLI::App app("Renders pbrt scenes that are too big, or too slow, for one machine.", "cloudrenderer");
+  CLI::App app("Renders pbrt scenes that are too big, or too slow, for one machine.",
+               "cloudrenderer");
   app.set_version_flag("--version", "cloudrenderer " CLOUDRENDERER_VERSION);
   app.require_subcommand(1);
   Texts t;
@@ -131,25 +146,32 @@ Command parse_command_line(int argc, const char* const* argv) {
   render_app.add_option("--hosts", t.hosts, "worker processes to use (default 1: this process)");
   add_means(render_app, t);
 
-  CLI::App& manager_app = *app.add_subcommand("manager", "render a scene with workers that connect");
+  CLI::App& manager_app =
+      *app.add_subcommand("manager", "render a scene with workers that connect");
   add_render(manager_app, manager, t, integrator);
   manager_app.add_option("--listen", t.listen, "ADDR:PORT to listen on")->required();
-  manager_app.add_option("--min-hosts", t.min_hosts, "workers to wait for before the start (default 1)");
+  manager_app.add_option("--min-hosts", t.min_hosts,
+                         "workers to wait for before the start (default 1)");
   manager_app.add_option("--wait", t.wait, "give up after so many seconds without a worker");
-  manager_app.add_option("--lost-after", t.lost_after, "seconds of silence after which a worker is lost (default 10)");
-  manager_app.add_option("--token-file", manager.token_file, "file with the cluster's shared secret");
+  manager_app.add_option("--lost-after", t.lost_after,
+                         "seconds of silence after which a worker is lost (default 10)");
+  manager_app.add_option("--token-file", manager.token_file,
+                         "file with the cluster's shared secret");
 
   WorkerOptionsGiven worker;
   CLI::App& worker_app = *app.add_subcommand("worker", "work for a manager");
   worker_app.add_option("--manager", t.manager, "ADDR:PORT of the manager")->required();
-  worker_app.add_option("--listen", t.listen, "ADDR:PORT for the other workers (default: any free port)");
-  worker_app.add_option("--advertise", t.advertise, "ADDR:PORT at which the other workers reach this one");
+  worker_app.add_option("--listen", t.listen,
+                        "ADDR:PORT for the other workers (default: any free port)");
+  worker_app.add_option("--advertise", t.advertise,
+                        "ADDR:PORT at which the other workers reach this one");
   worker_app.add_option("--name", worker.config.name, "name in reports (default: the machine's)");
   worker_app.add_option("--parts", worker.config.parts, "a copy of the split, to load parts from");
   worker_app.add_option("--token-file", worker.token_file, "file with the cluster's shared secret");
   worker_app.add_option("--wait", t.wait, "seconds to look for the manager (default 30)");
   worker_app.add_option("--alpha", t.alpha, "weight of a host's load against the number of hosts");
-  worker_app.add_flag("--allow-inexact", worker.config.allow_inexact, "join although the arithmetic differs");
+  worker_app.add_flag("--allow-inexact", worker.config.allow_inexact,
+                      "join although the arithmetic differs");
   worker_app.add_option("--parent", t.parent, "process to end with")->group("");
   add_means(worker_app, t);
   add_log(worker_app, worker.log);
@@ -168,7 +190,8 @@ Command parse_command_line(int argc, const char* const* argv) {
   compare_app.add_option("--max-relmse", t.max_relmse, "exit code 1 when the relMSE is above");
 
   InfoOptions info;
-  CLI::App& info_app = *app.add_subcommand("info", "what is in a scene or a split, and what is not supported");
+  CLI::App& info_app =
+      *app.add_subcommand("info", "what is in a scene or a split, and what is not supported");
   info_app.add_option("scene", info.scene, "a .pbrt file or a folder made by split")->required();
   info_app.add_option("--dialect", t.dialect, "read the scene as pbrt v2 or v3");
 
@@ -182,22 +205,26 @@ Command parse_command_line(int argc, const char* const* argv) {
     throw UsageError(std::string(e.what()) + " (cloudrenderer --help says more)");
   }
 
-  const unsigned threads = t.threads.empty() ? available_threads() : at_least<unsigned>("--threads", t.threads, 1);
+  const unsigned threads =
+      t.threads.empty() ? available_threads() : at_least<unsigned>("--threads", t.threads, 1);
   if (threads > 1024) throw UsageError("--threads is at most 1024");
   if (render_app.parsed()) {
     read_render(t, integrator, render);
     render.request.hosts = t.hosts.empty() ? 1 : at_least<std::uint32_t>("--hosts", t.hosts, 1);
     if (render.request.hosts > 1024) throw UsageError("--hosts is at most 1024");
     render.request.threads = threads;
-    render.request.memory = t.memory.empty() ? default_memory(render.request.hosts) : parse_size(t.memory);
+    render.request.memory =
+        t.memory.empty() ? default_memory(render.request.hosts) : parse_size(t.memory);
     return render;
   }
   if (manager_app.parsed()) {
     read_render(t, integrator, manager);
     manager.request.listen = Address::parse(t.listen);
-    if (!t.min_hosts.empty()) manager.request.min_hosts = at_least<std::uint32_t>("--min-hosts", t.min_hosts, 1);
+    if (!t.min_hosts.empty())
+      manager.request.min_hosts = at_least<std::uint32_t>("--min-hosts", t.min_hosts, 1);
     if (!t.wait.empty()) manager.request.wait_s = at_least<double>("--wait", t.wait, 0);
-    if (!t.lost_after.empty()) manager.request.lost_after_s = at_least<double>("--lost-after", t.lost_after, 0.1);
+    if (!t.lost_after.empty())
+      manager.request.lost_after_s = at_least<double>("--lost-after", t.lost_after, 0.1);
     return manager;
   }
   if (worker_app.parsed()) {
@@ -206,7 +233,8 @@ Command parse_command_line(int argc, const char* const* argv) {
     if (c.manager.host.empty()) throw UsageError("--manager needs a host, got '" + t.manager + "'");
     if (!t.listen.empty()) c.listen = Address::parse(t.listen);
     if (!t.advertise.empty()) c.advertise = Address::parse(t.advertise);
-    if (!t.wait.empty()) c.patience = std::chrono::duration<double>(at_least<double>("--wait", t.wait, 0));
+    if (!t.wait.empty())
+      c.patience = std::chrono::duration<double>(at_least<double>("--wait", t.wait, 0));
     if (!t.parent.empty()) worker.parent = at_least<int>("--parent", t.parent, 1);
     if (!t.alpha.empty()) c.alpha = at_least<float>("--alpha", t.alpha, 0);
     c.threads = threads;
@@ -218,7 +246,8 @@ Command parse_command_line(int argc, const char* const* argv) {
     return split;
   }
   if (compare_app.parsed()) {
-    if (!t.max_relmse.empty()) compare.max_relmse = at_least<double>("--max-relmse", t.max_relmse, 0);
+    if (!t.max_relmse.empty())
+      compare.max_relmse = at_least<double>("--max-relmse", t.max_relmse, 0);
     return compare;
   }
   SplitOptions dialect;

@@ -12,7 +12,8 @@ constexpr double kPlainEvery = 10;  // seconds between lines that stay
 
 std::string clock_text(double seconds) {
   const auto s = static_cast<long>(seconds + 0.5);
-  return s >= 3600 ? fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60) : fmt::format("{}:{:02}", s / 60, s % 60);
+  return s >= 3600 ? fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
+                   : fmt::format("{}:{:02}", s / 60, s % 60);
 }
 
 std::string rate_text(double per_second) {
@@ -26,18 +27,26 @@ std::string rate_text(double per_second) {
 std::string describe(const RenderProgress& p) {
   switch (p.phase) {
     case ManagerCore::Phase::gathering:
-      return p.hosts == 0 ? "waiting for hosts" : fmt::format("waiting for more hosts, {} there", p.hosts);
+      return p.hosts == 0 ? "waiting for hosts"
+                          : fmt::format("waiting for more hosts, {} there", p.hosts);
     case ManagerCore::Phase::loading:
       return fmt::format("{} {} loading", p.hosts, p.hosts == 1 ? "host is" : "hosts are");
-    case ManagerCore::Phase::rendering: break;
-    default: return "finishing";
+    case ManagerCore::Phase::rendering:
+      break;
+    default:
+      return "finishing";
   }
-  const double done = p.paths_total == 0 ? 0 : static_cast<double>(p.paths_done) / static_cast<double>(p.paths_total);
+  const double done = p.paths_total == 0
+                          ? 0
+                          : static_cast<double>(p.paths_done) / static_cast<double>(p.paths_total);
   std::string text = fmt::format("{:5.1f} %  {}", 100 * done, clock_text(p.render_s));
-  if (done > 0.001 && p.render_s > 0.2) text += fmt::format(", {} to go", clock_text(p.render_s / done * (1 - done)));
-  if (p.render_s > 0.2) text += fmt::format(", {}samples/s", rate_text(static_cast<double>(p.paths_done) / p.render_s));
+  if (done > 0.001 && p.render_s > 0.2)
+    text += fmt::format(", {} to go", clock_text(p.render_s / done * (1 - done)));
+  if (p.render_s > 0.2)
+    text += fmt::format(", {}samples/s", rate_text(static_cast<double>(p.paths_done) / p.render_s));
   text += fmt::format(", {} {}", p.hosts, p.hosts == 1 ? "host" : "hosts");
-  if (p.estimated_relmse && *p.estimated_relmse > 0) text += fmt::format(", relMSE about {:.2g}", *p.estimated_relmse);
+  if (p.estimated_relmse && *p.estimated_relmse > 0)
+    text += fmt::format(", relMSE about {:.2g}", *p.estimated_relmse);
   return text;
 }
 

@@ -6,7 +6,8 @@
 
 namespace cloudrenderer {
 
-// Shows how a render goes: one line that is rewritten on a terminal, else a plain line now and then.
+// Shows how a render goes: one line that is rewritten on a terminal, else a plain line now and
+// then.
 class ProgressDisplay {
  public:
   ProgressDisplay(std::FILE* out, bool quiet);

@@ -16,7 +16,8 @@ namespace fs = std::filesystem;
 
 std::string output_path(const RenderOptions& o, const FilmOptions& film) {
   std::string path = o.output;
-  if (path.empty()) path = fs::path(film.filename.empty() ? "image.exr" : film.filename).filename().string();
+  if (path.empty())
+    path = fs::path(film.filename.empty() ? "image.exr" : film.filename).filename().string();
   const std::string extension = fs::path(path).extension().string();
   if (extension == ".exr" || extension == ".png") return path;
   // Scenes from old times name .tga or .pfm; what was asked for by hand must be what is written.
@@ -28,7 +29,8 @@ std::string output_path(const RenderOptions& o, const FilmOptions& film) {
 void check_writable(const std::string& path, const char* what) {
   const fs::path folder = fs::absolute(path).parent_path();
   std::error_code ignored;
-  if (!fs::is_directory(folder, ignored)) throw UsageError(std::string(what) + ": there is no folder " + folder.string());
+  if (!fs::is_directory(folder, ignored))
+    throw UsageError(std::string(what) + ": there is no folder " + folder.string());
   const std::string probe = path + ".cloudrenderer";
   if (!std::ofstream(probe)) throw UsageError(std::string("cannot write ") + what + " " + path);
   fs::remove(probe, ignored);
@@ -36,7 +38,8 @@ void check_writable(const std::string& path, const char* what) {
 
 std::map<std::string, std::string> metadata(const RenderOptions& o, const RenderOutcome& r) {
   const JobSettings& s = r.facts.settings;
-  static constexpr std::array<const char*, 3> kIntegrators{"path", "directlighting", "ambientocclusion"};
+  static constexpr std::array<const char*, 3> kIntegrators{"path", "directlighting",
+                                                           "ambientocclusion"};
   std::string line;
   for (const std::string& word : o.command_line) line += (line.empty() ? "" : " ") + word;
   return {{"Software", "cloudrenderer " CLOUDRENDERER_VERSION},
@@ -49,15 +52,18 @@ std::map<std::string, std::string> metadata(const RenderOptions& o, const Render
           {"cloudrenderer:light_vertices", std::to_string(s.light_vertices)},
           {"cloudrenderer:emission_vertex", std::to_string(s.emission_vertex)},
           {"cloudrenderer:film_scale", fmt::format("{}", s.film.scale)},
-          {"cloudrenderer:sequence", s.sequence == SampleSequence::Kind::sobol ? "sobol" : "independent"},
+          {"cloudrenderer:sequence",
+           s.sequence == SampleSequence::Kind::sobol ? "sobol" : "independent"},
           {"cloudrenderer:command", line}};
 }
 
 void print_summary(const RenderOutcome& r, const std::string& output) {
-  fmt::print("{}: {} x {} pixels, {} samples each, {:.1f} s to load, {:.1f} s to render, {:.2f} M samples/s\n", output,
-             r.facts.settings.film.frame.crop_width(), r.facts.settings.film.frame.crop_height(),
-             r.facts.settings.spp, r.load_s, r.render_s,
-             r.render_s > 0 ? static_cast<double>(r.paths_done) / r.render_s * 1e-6 : 0.0);
+  fmt::print(
+      "{}: {} x {} pixels, {} samples each, {:.1f} s to load, {:.1f} s to render, {:.2f} M "
+      "samples/s\n",
+      output, r.facts.settings.film.frame.crop_width(), r.facts.settings.film.frame.crop_height(),
+      r.facts.settings.spp, r.load_s, r.render_s,
+      r.render_s > 0 ? static_cast<double>(r.paths_done) / r.render_s * 1e-6 : 0.0);
 }
 
 }  // namespace
@@ -68,7 +74,8 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   if (!fs::exists(request.scene)) throw SceneError({}, request.scene + ": there is no such file");
   if (!o.token_file.empty()) request.token = read_token(o.token_file);
   if (request.listen && !request.listen->is_loopback() && request.token.empty())
-    spdlog::warn("anybody who reaches {} can join: --token-file keeps strangers out", request.listen->to_string());
+    spdlog::warn("anybody who reaches {} can join: --token-file keeps strangers out",
+                 request.listen->to_string());
   if (!o.reference.empty()) {
     try {
       request.reference = read_image(o.reference);
@@ -99,7 +106,8 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   write_image(output, image, outcome.film->frame(), metadata(o, outcome));
   std::optional<ImageDifference> difference;
   // Pixels without a sample yet would be compared as black.
-  if (request.reference && !outcome.interrupted) difference = compare_images(image, *request.reference);
+  if (request.reference && !outcome.interrupted)
+    difference = compare_images(image, *request.reference);
   if (!o.report.empty()) {
     std::ofstream out(o.report);
     out << make_report(outcome, request.scene, difference).dump(1) << "\n";
@@ -107,7 +115,8 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   }
   if (!o.quiet) print_summary(outcome, output);
   if (outcome.invalid_samples > 0)
-    fmt::print(stderr, "warning: {} samples were not finite and were left out\n", outcome.invalid_samples);
+    fmt::print(stderr, "warning: {} samples were not finite and were left out\n",
+               outcome.invalid_samples);
   if (outcome.interrupted) {
     fmt::print(stderr, "interrupted: {} holds what was there\n", output);
     return kInterrupted;

@@ -39,7 +39,8 @@ Json report_host(const ManagerCore::HostReport& host, double render_s) {
 
 }  // namespace
 
-Json make_report(const RenderOutcome& o, const std::string& scene, const std::optional<ImageDifference>& difference) {
+Json make_report(const RenderOutcome& o, const std::string& scene,
+                 const std::optional<ImageDifference>& difference) {
   const FilmFrame& frame = o.facts.settings.film.frame;
   std::uint64_t camera = 0, bounce = 0, shadow = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
   Json hosts = Json::array();
@@ -63,7 +64,8 @@ Json make_report(const RenderOutcome& o, const std::string& scene, const std::op
   }
   Json convergence = Json::array();
   for (const ConvergencePoint& p : o.convergence) {
-    Json point = {{"render_s", p.render_s}, {"spp", p.spp}, {"estimated_relmse", p.estimated_relmse}};
+    Json point = {
+        {"render_s", p.render_s}, {"spp", p.spp}, {"estimated_relmse", p.estimated_relmse}};
     if (p.relmse) point["relmse"] = *p.relmse;
     convergence.push_back(std::move(point));
   }
@@ -73,11 +75,21 @@ Json make_report(const RenderOutcome& o, const std::string& scene, const std::op
       {"width", frame.crop_width()},
       {"height", frame.crop_height()},
       {"spp", o.facts.settings.spp},
-      {"parts", {{"count", o.facts.parts}, {"bytes", o.facts.predicted_bytes}, {"triangles", o.facts.triangles}}},
-      {"time", {{"wall_s", o.wall_s}, {"load_s", o.load_s}, {"render_s", o.render_s}, {"cpu_s", o.cpu_s}}},
+      {"parts",
+       {{"count", o.facts.parts},
+        {"bytes", o.facts.predicted_bytes},
+        {"triangles", o.facts.triangles}}},
+      {"time",
+       {{"wall_s", o.wall_s}, {"load_s", o.load_s}, {"render_s", o.render_s}, {"cpu_s", o.cpu_s}}},
       {"rays",
-       {{"camera", camera}, {"bounce", bounce}, {"shadow", shadow}, {"moved", moved}, {"shadow_asked", asked}}},
-      {"wire", {{"bytes", o.wire_bytes}, {"bytes_per_path", per(static_cast<double>(o.wire_bytes), paths)}}},
+       {{"camera", camera},
+        {"bounce", bounce},
+        {"shadow", shadow},
+        {"moved", moved},
+        {"shadow_asked", asked}}},
+      {"wire",
+       {{"bytes", o.wire_bytes},
+        {"bytes_per_path", per(static_cast<double>(o.wire_bytes), paths)}}},
       {"invalid_samples", o.invalid_samples},
       {"clamped_samples", o.clamped_samples},
       {"bit_exact", o.bit_exact},

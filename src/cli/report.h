@@ -5,7 +5,8 @@
 
 namespace cloudrenderer {
 
-// The figures of a render as the JSON object that --report writes. `difference`: to the reference, when there is one.
+// The figures of a render as the JSON object that --report writes. `difference`: to the reference,
+// when there is one.
 nlohmann::ordered_json make_report(const RenderOutcome& outcome, const std::string& scene,
                                    const std::optional<ImageDifference>& difference);
 

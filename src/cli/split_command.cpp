@@ -16,8 +16,8 @@ int run_split(const SplitCommand& options) {
   std::uint64_t bytes = 0;
   for (const PartInfo& p : m.parts) bytes += p.loaded_bytes;
   for (const PrototypeInfo& p : m.prototypes) bytes += p.loaded_bytes;
-  fmt::print("{}: {} parts, {} prototypes, {} triangles, about {} when loaded\n", options.output, m.parts.size(),
-             m.prototypes.size(), m.total_triangles, format_size(bytes));
+  fmt::print("{}: {} parts, {} prototypes, {} triangles, about {} when loaded\n", options.output,
+             m.parts.size(), m.prototypes.size(), m.total_triangles, format_size(bytes));
   return kDone;
 }
 

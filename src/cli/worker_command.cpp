@@ -17,7 +17,8 @@ int run_worker_command(const WorkerOptionsGiven& options, Interrupts& interrupts
     gethostname(name, HOST_NAME_MAX);
     config.name = name;
   }
-  run_worker(config, [&](std::function<void()> leave) { interrupts.set_handler(std::move(leave)); });
+  run_worker(config,
+             [&](std::function<void()> leave) { interrupts.set_handler(std::move(leave)); });
   return kDone;
 }
 

@@ -18,15 +18,20 @@ constexpr auto kPatience = std::chrono::seconds(60);
 
 std::string path_of(const std::string& folder, const wire::BlobRequest& r) {
   switch (r.kind()) {
-    case wire::BLOB_MANIFEST: return folder + "/manifest.bin";
-    case wire::BLOB_PART: return part_path(folder, r.index());
-    case wire::BLOB_PROTOTYPE: return prototype_path(folder, r.index());
+    case wire::BLOB_MANIFEST:
+      return folder + "/manifest.bin";
+    case wire::BLOB_PART:
+      return part_path(folder, r.index());
+    case wire::BLOB_PROTOTYPE:
+      return prototype_path(folder, r.index());
     case wire::BLOB_FILE: {
       const fs::path name(r.name());
-      if (name.filename() != name || r.name().empty() || r.name() == "." || r.name() == "..") return {};
+      if (name.filename() != name || r.name().empty() || r.name() == "." || r.name() == "..")
+        return {};
       return folder + "/files/" + r.name();
     }
-    default: return {};
+    default:
+      return {};
   }
 }
 
@@ -85,14 +90,16 @@ std::string BlobFetcher::fetch(const Blob& blob, const std::string& path, std::u
   fs::create_directories(fs::path(path).parent_path(), ignored);
   std::ofstream out(unfinished, std::ios::binary | std::ios::trunc);
   if (!out) return "cannot write " + unfinished;
-  std::uint64_t total = 1, asked_to = wire::kMaxBlobChunk, written = 0;  // the total is known with the first chunk
+  std::uint64_t total = 1, asked_to = wire::kMaxBlobChunk,
+                written = 0;  // the total is known with the first chunk
   request(blob, 0);
   while (written < total) {
     wire::BlobChunk chunk;
     std::uint64_t offset = 0;
     {
       std::unique_lock lock(mutex_);
-      if (!arrived_.wait_for(lock, kPatience, [&] { return !chunks_.empty() || !failure_.empty(); }))
+      if (!arrived_.wait_for(lock, kPatience,
+                             [&] { return !chunks_.empty() || !failure_.empty(); }))
         return "the manager does not send what was asked for";
       if (!failure_.empty()) return failure_;
       auto node = chunks_.extract(chunks_.begin());
@@ -101,9 +108,11 @@ std::string BlobFetcher::fetch(const Blob& blob, const std::string& path, std::u
       asked_.erase(node.key());
     }
     if (!chunk.error().empty()) return chunk.error();
-    if (chunk.total() > largest || (written > 0 && chunk.total() != total)) return "it has a wrong size";
+    if (chunk.total() > largest || (written > 0 && chunk.total() != total))
+      return "it has a wrong size";
     total = chunk.total();
-    if (chunk.offset() != offset || chunk.data().size() != std::min<std::uint64_t>(wire::kMaxBlobChunk, total - offset))
+    if (chunk.offset() != offset ||
+        chunk.data().size() != std::min<std::uint64_t>(wire::kMaxBlobChunk, total - offset))
       return "a chunk has a wrong place or size";
     out.seekp(static_cast<std::streamoff>(offset));
     out.write(chunk.data().data(), static_cast<std::streamsize>(chunk.data().size()));

@@ -21,7 +21,8 @@ class BlobServer {
   std::string folder_;
 };
 
-// Fetches blobs into files. fetch() blocks and is called by one thread; receive() and fail() by the I/O thread.
+// Fetches blobs into files. fetch() blocks and is called by one thread; receive() and fail() by the
+// I/O thread.
 class BlobFetcher {
  public:
   explicit BlobFetcher(std::function<void(wire::Message)> send) : send_(std::move(send)) {}
@@ -44,8 +45,8 @@ class BlobFetcher {
   std::mutex mutex_;
   std::condition_variable arrived_;
   std::uint64_t next_request_ = 1;
-  std::map<std::uint64_t, std::uint64_t> asked_;      // request -> offset
-  std::map<std::uint64_t, wire::BlobChunk> chunks_;   // by request, not yet written
+  std::map<std::uint64_t, std::uint64_t> asked_;     // request -> offset
+  std::map<std::uint64_t, wire::BlobChunk> chunks_;  // by request, not yet written
   std::string failure_;
 };
 

@@ -19,8 +19,9 @@ float unit(std::uint32_t i) { return to_unit(static_cast<std::uint32_t>(mix64(i)
 void add_functions(std::vector<float>& out) {
   for (std::uint32_t i = 0; i < kValues; ++i) {
     const float x = 20.f * unit(2 * i) - 10.f, u = unit(2 * i + 1);
-    for (const float v : {portable::sin(x), portable::cos(x), portable::exp(x), portable::log(u + 1e-3f),
-                          portable::pow(u, 2.2f), portable::acos(2.f * u - 1.f), portable::atan2(x, u)})
+    for (const float v :
+         {portable::sin(x), portable::cos(x), portable::exp(x), portable::log(u + 1e-3f),
+          portable::pow(u, 2.2f), portable::acos(2.f * u - 1.f), portable::atan2(x, u)})
       out.push_back(v);
   }
 }

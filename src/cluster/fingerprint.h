@@ -5,8 +5,8 @@ namespace cloudrenderer {
 
 inline constexpr const char* kInstructionSet = "avx2";
 
-// A hash of what this build and machine compute for fixed inputs: our functions over a table, and Embree's answers to
-// fixed rays. Hosts with the same number give the same picture to the bit.
+// A hash of what this build and machine compute for fixed inputs: our functions over a table, and
+// Embree's answers to fixed rays. Hosts with the same number give the same picture to the bit.
 std::uint64_t numeric_fingerprint();
 
 }  // namespace cloudrenderer

@@ -23,14 +23,16 @@ PlacementPart placement_part(const PartInfo& info) {
 wire::ColumnSet columns_of(const Manifest& manifest) {
   wire::ColumnSet columns = wire::kColumnPreviousNormal;
   if (manifest.parts.size() > 2) columns |= wire::kColumnBestHit | wire::kColumnTested;
-  if (!manifest.scene.textures.empty() || !manifest.scene.lights.empty()) columns |= wire::kColumnCone;
+  if (!manifest.scene.textures.empty() || !manifest.scene.lights.empty())
+    columns |= wire::kColumnCone;
   return columns;
 }
 
 }  // namespace
 
-JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings, const JobOverrides& overrides,
-                      const std::string& folder, bool shared_folder) {
+JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
+                      const JobOverrides& overrides, const std::string& folder,
+                      bool shared_folder) {
   JobSpec spec;
   spec.frame = settings.film.frame;
   spec.k = settings.k;
@@ -78,10 +80,12 @@ JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, W
   }
   JobSettings settings = job_settings(manifest.scene, o, warnings);
   settings.k = start.k();
-  settings.film.frame = {start.width(), start.height(), start.x0(), start.y0(), start.x1(), start.y1()};
+  settings.film.frame = {start.width(), start.height(), start.x0(),
+                         start.y0(),    start.x1(),     start.y1()};
   const FilmFrame& f = settings.film.frame;
-  if (f.width == 0 || f.height == 0 || f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 ||
-      f.y0 >= f.y1 || f.x1 > f.width || f.y1 > f.height || settings.k < 0 || settings.k > 60 || settings.spp == 0)
+  if (f.width == 0 || f.height == 0 || f.width > kLargestFilm || f.height > kLargestFilm ||
+      f.x0 >= f.x1 || f.y0 >= f.y1 || f.x1 > f.width || f.y1 > f.height || settings.k < 0 ||
+      settings.k > 60 || settings.spp == 0)
     throw ClusterError("the job's film or sample count makes no sense");
   if (start.part_count() != manifest.parts.size() || start.content_hash() != manifest.content_hash)
     throw ClusterError("the job's split is not the one that this host has");

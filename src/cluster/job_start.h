@@ -9,11 +9,11 @@
 namespace cloudrenderer {
 
 // `folder`: of the split; told to the hosts when they share the file system with the manager.
-JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings, const JobOverrides& overrides,
-                      const std::string& folder, bool shared_folder);
+JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
+                      const JobOverrides& overrides, const std::string& folder, bool shared_folder);
 
-// The same settings again, on a host: made from its own manifest and the orders. Throws SceneError, or ClusterError
-// when they do not fit together.
+// The same settings again, on a host: made from its own manifest and the orders. Throws SceneError,
+// or ClusterError when they do not fit together.
 JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, Warnings& warnings);
 
 }  // namespace cloudrenderer

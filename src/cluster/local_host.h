@@ -6,7 +6,8 @@
 
 namespace cloudrenderer {
 
-// A worker inside the manager's process: messages are handed over as they are, parts are mapped from the split.
+// A worker inside the manager's process: messages are handed over as they are, parts are mapped
+// from the split.
 class LocalHost {
  public:
   struct Config {
@@ -22,7 +23,9 @@ class LocalHost {
   ~LocalHost();
 
   void stop() { ticker_->stop(); }  // no more timers, so that the io_context can run dry
-  std::array<double, 4> engine_seconds() const { return engine_seconds_; }  // once the job has ended
+  std::array<double, 4> engine_seconds() const {
+    return engine_seconds_;
+  }  // once the job has ended
 
  private:
   SceneLoader loader_;

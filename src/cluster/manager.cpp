@@ -8,27 +8,34 @@
 namespace cloudrenderer {
 namespace {
 
-// A host whose connection broke may be back in a moment; one that was killed is not missed for long.
+// A host whose connection broke may be back in a moment; one that was killed is not missed for
+// long.
 constexpr auto kComeBack = std::chrono::milliseconds(1500);
 constexpr std::size_t kMaxStrangers = 256;
 
 }  // namespace
 
 Manager::Manager(asio::io_context& io, const Clock& clock, Config config)
-    : io_(io), clock_(clock), config_(std::move(config)), core_(config_.core, config_.job), blobs_(config_.folder) {
+    : io_(io),
+      clock_(clock),
+      config_(std::move(config)),
+      core_(config_.core, config_.job),
+      blobs_(config_.folder) {
   ticker_ = std::make_shared<Ticker>(io, clock, [this] { return tick(); });
 }
 
 Manager::~Manager() { shut(); }
 
 Address Manager::listen(const Address& address) {
-  listener_ = std::make_unique<Listener>(io_, address, [this](std::unique_ptr<Stream> s) { accept(std::move(s)); });
+  listener_ = std::make_unique<Listener>(
+      io_, address, [this](std::unique_ptr<Stream> s) { accept(std::move(s)); });
   return listener_->address();
 }
 
 void Manager::accept(std::unique_ptr<Stream> stream) {
   if (sessions_.size() - session_hosts_.size() >= kMaxStrangers) {
-    spdlog::warn("{} is turned away: too many connections that have not introduced themselves", stream->peer());
+    spdlog::warn("{} is turned away: too many connections that have not introduced themselves",
+                 stream->peer());
     return stream->close();
   }
   GreetingHandlers h;
@@ -59,7 +66,8 @@ bool Manager::introduce(const std::shared_ptr<Session>& session, wire::Message&&
   spdlog::info("host {} is {} at {}", id->value, hello->name(), session->peer());
   Peer& peer = peers_[*id];
   peer.incarnation = hello->incarnation();
-  peer.link = std::make_shared<PeerLink>(io_, config_.core.incarnation, hello->incarnation(), [this] { return clock_.now(); });
+  peer.link = std::make_shared<PeerLink>(io_, config_.core.incarnation, hello->incarnation(),
+                                         [this] { return clock_.now(); });
   peer.connection = 1;
   peer.link->attach(session);
   session_hosts_[session.get()] = *id;
@@ -120,7 +128,8 @@ void Manager::closed(const std::shared_ptr<Session>& session, const std::string&
   sessions_.erase(session);
   const auto host = session_hosts_.find(session.get());
   if (host == session_hosts_.end()) {
-    if (!reason.empty()) spdlog::warn("the connection of {} was closed: {}", session->peer(), reason);
+    if (!reason.empty())
+      spdlog::warn("the connection of {} was closed: {}", session->peer(), reason);
     return;
   }
   const HostId id = host->second;
@@ -131,16 +140,18 @@ void Manager::closed(const std::shared_ptr<Session>& session, const std::string&
   if (peer->second.link->connected()) return;
   spdlog::info("the connection of host {} has ended: {}", id.value, reason);
   const auto timer = std::make_shared<asio::steady_timer>(io_, kComeBack);
-  timer->async_wait([this, id, timer, connection = peer->second.connection](const std::error_code&) {
-    const auto p = peers_.find(id);
-    if (shut_ || p == peers_.end() || p->second.connection != connection) return;
-    spdlog::warn("host {} is lost", id.value);
-    core_.host_lost(id, clock_.now());
-    drain();
-  });
+  timer->async_wait(
+      [this, id, timer, connection = peer->second.connection](const std::error_code&) {
+        const auto p = peers_.find(id);
+        if (shut_ || p == peers_.end() || p->second.connection != connection) return;
+        spdlog::warn("host {} is lost", id.value);
+        core_.host_lost(id, clock_.now());
+        drain();
+      });
 }
 
-Result<HostId> Manager::join_local(const wire::Hello& hello, std::function<void(wire::Message&&)> deliver) {
+Result<HostId> Manager::join_local(const wire::Hello& hello,
+                                   std::function<void(wire::Message&&)> deliver) {
   const Result<HostId> id = core_.join(hello, clock_.now());
   if (!id) return id;
   Peer& peer = peers_[*id];

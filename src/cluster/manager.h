@@ -17,13 +17,14 @@
 
 namespace cloudrenderer {
 
-// The manager's core with its connections. Everything on the thread that runs the io_context, but receive_local().
+// The manager's core with its connections. Everything on the thread that runs the io_context, but
+// receive_local().
 class Manager {
  public:
   struct Config {
     ManagerOptions core;
     JobSpec job;
-    std::string folder;   // of the split: served to hosts that ask
+    std::string folder;  // of the split: served to hosts that ask
     std::string token;
     std::function<void()> changed;  // after everything that may have moved the job on
   };
@@ -39,19 +40,20 @@ class Manager {
   ManagerCore& core() { return core_; }
   // To be called after using core() in a way that may have filled its outbox.
   void drain();
-  // The job is over: every connection is closed when what is queued has left. The io_context runs dry then.
+  // The job is over: every connection is closed when what is queued has left. The io_context runs
+  // dry then.
   void shut();
 
-  std::uint64_t bytes_sent() const;      // over all connections; parts and files served left out
+  std::uint64_t bytes_sent() const;  // over all connections; parts and files served left out
   std::uint64_t bytes_received() const;
   std::size_t joined_ever() const { return core_.hosts().size(); }
 
  private:
   struct Peer {
-    std::shared_ptr<PeerLink> link;                     // null for the local host
+    std::shared_ptr<PeerLink> link;  // null for the local host
     std::function<void(wire::Message&&)> deliver_local;
     std::uint64_t incarnation = 0;
-    std::uint64_t connection = 0;                       // grows with every session
+    std::uint64_t connection = 0;  // grows with every session
   };
   void accept(std::unique_ptr<Stream> stream);
   bool introduce(const std::shared_ptr<Session>& session, wire::Message&& message);

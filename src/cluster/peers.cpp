@@ -1,5 +1,6 @@
 #include "cluster/peers.h"
 
+#include <algorithm>
 #include <asio/co_spawn.hpp>
 #include <asio/post.hpp>
 #include <asio/steady_timer.hpp>
@@ -11,9 +12,10 @@ namespace cloudrenderer {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr auto kAttempt = 3s;         // of one connection
+constexpr auto kAttempt = 3s;  // of one connection
 constexpr auto kBetweenAttempts = 1s;
-constexpr auto kOthersTurn = 3s;      // how long the host with the smaller number waits to be connected to
+constexpr auto kOthersTurn =
+    3s;  // how long the host with the smaller number waits to be connected to
 constexpr std::size_t kMaxStrangers = 64;
 
 }  // namespace
@@ -59,13 +61,14 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
 }
 
 void Peers::spawn_connector(HostId host, const Peer& peer) {
-  asio::co_spawn(io_, keep_connected(host, peer.link, peer.address, host < self_.host), [host](std::exception_ptr error) {
-    if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
-  });
+  asio::co_spawn(io_, keep_connected(host, peer.link, peer.address, host < self_.host),
+                 [host](std::exception_ptr error) {
+                   if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
+                 });
 }
 
-asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address,
-                                            bool at_once) {
+asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLink> link,
+                                            Address address, bool at_once) {
   asio::steady_timer timer(io_);
   if (!at_once) {
     timer.expires_after(kOthersTurn);
@@ -120,14 +123,17 @@ bool Peers::introduced(const std::shared_ptr<Session>& session, const wire::Mess
   {
     const std::lock_guard lock(mutex_);
     const auto peer = peers_.find(host);
-    if (peer != peers_.end() && peer->second.incarnation == hello->incarnation()) link = peer->second.link;
+    if (peer != peers_.end() && peer->second.incarnation == hello->incarnation())
+      link = peer->second.link;
   }
   if (!link) {  // our list may be older than its: it tries again
-    session->close("it says that it is host " + std::to_string(host.value) + ", which is not known");
+    session->close("it says that it is host " + std::to_string(host.value) +
+                   ", which is not known");
     return false;
   }
   session_hosts_[session.get()] = host;
   link->attach(session);
+  callbacks_.reachable(host);
   return true;
 }
 
@@ -150,7 +156,8 @@ void Peers::closed(const std::shared_ptr<Session>& session, const std::string& r
   closed_received_ += session->bytes_received();
   sessions_.erase(session);
   if (known == session_hosts_.end()) {
-    if (!reason.empty()) spdlog::info("the connection of {} was closed: {}", session->peer(), reason);
+    if (!reason.empty())
+      spdlog::info("the connection of {} was closed: {}", session->peer(), reason);
     return;
   }
   const HostId host = known->second;
@@ -161,6 +168,12 @@ void Peers::closed(const std::shared_ptr<Session>& session, const std::string& r
   if (peer->second.link->connected()) return;
   spdlog::info("the connection to host {} has ended: {}", host.value, reason);
   spawn_connector(host, peer->second);
+}
+
+bool Peers::drained() const {
+  const std::lock_guard lock(mutex_);
+  return std::all_of(peers_.begin(), peers_.end(),
+                     [](const auto& p) { return p.second.link->queued() == 0; });
 }
 
 std::pair<std::uint64_t, std::uint64_t> Peers::bytes() const {

@@ -15,8 +15,8 @@
 
 namespace cloudrenderer {
 
-// A worker's connections to the other workers. Of two hosts the one with the larger number connects; the other one
-// tries only when nothing has come for a while.
+// A worker's connections to the other workers. Of two hosts the one with the larger number
+// connects; the other one tries only when nothing has come for a while.
 class Peers {
  public:
   struct Self {
@@ -26,14 +26,15 @@ class Peers {
   };
   struct Callbacks {
     std::function<void(HostId, wire::Message&&)> received;
-    std::function<void(HostId)> unreachable;
+    std::function<void(HostId)> unreachable, reachable;
   };
   Peers(asio::io_context& io, Self self, PeerLink::Now now, Callbacks callbacks);
 
-  bool send(HostId to, const wire::Bytes& payload);            // any thread; false: unknown host
-  void update(const std::vector<wire::HostEntry>& hosts);      // any thread: who is there now
-  std::pair<std::uint64_t, std::uint64_t> bytes() const;       // any thread: sent and received
-  void accept(std::unique_ptr<Stream> stream);                 // on the I/O thread, as what follows
+  bool send(HostId to, const wire::Bytes& payload);        // any thread; false: unknown host
+  void update(const std::vector<wire::HostEntry>& hosts);  // any thread: who is there now
+  std::pair<std::uint64_t, std::uint64_t> bytes() const;   // any thread: sent and received
+  bool drained() const;                         // any thread: all that was sent is acknowledged
+  void accept(std::unique_ptr<Stream> stream);  // on the I/O thread, as what follows
 
  private:
   struct Peer {
@@ -42,7 +43,8 @@ class Peers {
     std::shared_ptr<PeerLink> link;
   };
   void open(std::unique_ptr<Stream> stream, Handshake::Role role);
-  asio::awaitable<void> keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address, bool at_once);
+  asio::awaitable<void> keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address,
+                                       bool at_once);
   bool introduced(const std::shared_ptr<Session>& session, const wire::Message& message);
   void receive(const std::shared_ptr<Session>& session, WireFrame frame);
   void closed(const std::shared_ptr<Session>& session, const std::string& reason);

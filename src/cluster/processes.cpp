@@ -37,7 +37,8 @@ void ChildProcesses::start(const std::vector<std::string>& arguments) {
   pid_t pid = 0;
   const int error = posix_spawn(&pid, program.c_str(), nullptr, &attributes, argv.data(), environ);
   posix_spawnattr_destroy(&attributes);
-  if (error != 0) throw ClusterError(std::string("cannot start a host on this machine: ") + std::strerror(error));
+  if (error != 0)
+    throw ClusterError(std::string("cannot start a host on this machine: ") + std::strerror(error));
   pids_.push_back(pid);
 }
 
@@ -49,7 +50,8 @@ std::size_t ChildProcesses::alive() {
 void ChildProcesses::wait(std::chrono::milliseconds patience) {
   constexpr auto kLook = std::chrono::milliseconds(5);
   const auto deadline = std::chrono::steady_clock::now() + patience;
-  while (alive() > 0 && std::chrono::steady_clock::now() < deadline) std::this_thread::sleep_for(kLook);
+  while (alive() > 0 && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(kLook);
   for (const pid_t pid : pids_) kill(pid, SIGKILL);
   for (const pid_t pid : pids_) waitpid(pid, nullptr, 0);
   pids_.clear();

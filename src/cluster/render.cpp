@@ -19,10 +19,11 @@ namespace cloudrenderer {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr auto kLook = 250ms;                 // progress, bounds, children
-constexpr double kEstimateEvery = 2;          // seconds between error estimates for the progress line
+constexpr auto kLook = 250ms;         // progress, bounds, children
+constexpr double kEstimateEvery = 2;  // seconds between error estimates for the progress line
 constexpr auto kChildrenEnd = 5s;
-constexpr std::uint32_t kBoundedSpp = 1u << 16;  // samples at most when only --max-error ends the render
+constexpr std::uint32_t kBoundedSpp =
+    1u << 16;  // samples at most when only --max-error ends the render
 
 // A secret that only hosts started by this process know.
 std::string write_token(const std::string& path) {
@@ -51,7 +52,8 @@ class RenderRun {
   }
 
  private:
-  // While the scene is read nothing is worth waiting for: an interrupt removes the temporary folder and ends.
+  // While the scene is read nothing is worth waiting for: an interrupt removes the temporary folder
+  // and ends.
   void open_scene() {
     if (is_split_folder(request_.scene)) {
       folder_ = request_.scene;
@@ -63,16 +65,19 @@ class RenderRun {
         temporary_.reset();
         _exit(5);
       });
-      manifest_ = std::make_shared<Manifest>(split_scene(request_.scene, folder_, request_.split, warnings_));
+      manifest_ = std::make_shared<Manifest>(
+          split_scene(request_.scene, folder_, request_.split, warnings_));
       interrupts_.set_handler(nullptr);
     }
     overrides_ = request_.overrides;
     if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
     const FilmFrame& frame = facts_.settings.film.frame;
-    if (const auto& r = request_.reference; r && (r->width != frame.crop_width() || r->height != frame.crop_height()))
-      throw UsageError("the reference has " + std::to_string(r->width) + " x " + std::to_string(r->height) +
-                       " pixels, the picture " + std::to_string(frame.crop_width()) + " x " +
+    if (const auto& r = request_.reference;
+        r && (r->width != frame.crop_width() || r->height != frame.crop_height()))
+      throw UsageError("the reference has " + std::to_string(r->width) + " x " +
+                       std::to_string(r->height) + " pixels, the picture " +
+                       std::to_string(frame.crop_width()) + " x " +
                        std::to_string(frame.crop_height()));
     facts_.warnings = warnings_.list();
     facts_.parts = static_cast<std::uint32_t>(manifest_->parts.size());
@@ -121,14 +126,25 @@ class RenderRun {
       return;
     }
     for (std::uint32_t i = 1; i <= request_.hosts; ++i) {
-      std::vector<std::string> arguments{"worker",    "--manager",    at.to_string(),
-                                         "--listen",  "127.0.0.1:0",  "--threads", std::to_string(request_.threads),
-                                         "--memory",  std::to_string(request_.memory),
-                                         "--name",    "host" + std::to_string(i),
-                                         "--token-file", secrets_->path() + "/token",
-                                         "--parent",  std::to_string(getpid()),
-                                         "--log-level", request_.log_level,
-                                         "--alpha",   std::to_string(request_.alpha)};
+      std::vector<std::string> arguments{"worker",
+                                         "--manager",
+                                         at.to_string(),
+                                         "--listen",
+                                         "127.0.0.1:0",
+                                         "--threads",
+                                         std::to_string(request_.threads),
+                                         "--memory",
+                                         std::to_string(request_.memory),
+                                         "--name",
+                                         "host" + std::to_string(i),
+                                         "--token-file",
+                                         secrets_->path() + "/token",
+                                         "--parent",
+                                         std::to_string(getpid()),
+                                         "--log-level",
+                                         request_.log_level,
+                                         "--alpha",
+                                         std::to_string(request_.alpha)};
       children_.start(arguments);
     }
   }
@@ -184,7 +200,8 @@ class RenderRun {
     p.render_s = clock_.now() - manager_->core().progress().render_began;
     p.spp = manager_->core().complete_samples();
     p.estimated_relmse = film.estimated_relmse(scale);
-    if (request_.reference) p.relmse = compare_images(film.image(scale), *request_.reference).relmse;
+    if (request_.reference)
+      p.relmse = compare_images(film.image(scale), *request_.reference).relmse;
     convergence_.push_back(p);
     estimate_ = p.estimated_relmse;
     estimated_at_ = clock_.now();
@@ -212,8 +229,10 @@ class RenderRun {
     }
     if (request_.listen && p.hosts > 0) alone_since_ = now;
     if (request_.listen && p.hosts == 0 && request_.wait_s && now > alone_since_ + *request_.wait_s)
-      return fail("no host has come in " + std::to_string(static_cast<int>(*request_.wait_s)) + " seconds");
-    if (rendering && request_.max_time_s && !stopped_ && now - p.render_began >= *request_.max_time_s) {
+      return fail("no host has come in " + std::to_string(static_cast<int>(*request_.wait_s)) +
+                  " seconds");
+    if (rendering && request_.max_time_s && !stopped_ &&
+        now - p.render_began >= *request_.max_time_s) {
       stopped_ = true;
       core.stop(now);
       manager_->drain();
@@ -251,11 +270,13 @@ class RenderRun {
       last.render_s = p.render_ended - p.render_began;
       last.spp = out.spp_done;
       last.estimated_relmse = out.film->estimated_relmse(scale);
-      if (request_.reference) last.relmse = compare_images(out.film->image(scale), *request_.reference).relmse;
+      if (request_.reference)
+        last.relmse = compare_images(out.film->image(scale), *request_.reference).relmse;
       convergence_.push_back(last);
     }
     // A time that was asked for, too, ends a render that has not reached its error.
-    out.bound_met = !request_.max_error || convergence_.back().estimated_relmse <= *request_.max_error;
+    out.bound_met =
+        !request_.max_error || convergence_.back().estimated_relmse <= *request_.max_error;
     out.paths_done = p.paths_done;
     out.invalid_samples = p.invalid_samples;
     out.clamped_samples = p.clamped_samples;
@@ -298,10 +319,13 @@ class RenderRun {
 
 }  // namespace
 
-RenderOutcome render(const RenderRequest& request, const RenderObserver& observer, Interrupts& interrupts) {
+RenderOutcome render(const RenderRequest& request, const RenderObserver& observer,
+                     Interrupts& interrupts) {
   return RenderRun(request, observer, interrupts).run();
 }
 
-std::uint64_t default_memory(std::uint32_t hosts) { return available_memory() / 5 * 4 / std::max(1u, hosts); }
+std::uint64_t default_memory(std::uint32_t hosts) {
+  return available_memory() / 5 * 4 / std::max(1u, hosts);
+}
 
 }  // namespace cloudrenderer

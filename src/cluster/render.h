@@ -1,5 +1,6 @@
 #pragma once
-// A whole render: scene in, film and figures out. What the command line calls; knows no command line.
+// A whole render: scene in, film and figures out. What the command line calls; knows no command
+// line.
 #include <functional>
 #include <memory>
 #include <optional>
@@ -16,23 +17,23 @@
 namespace cloudrenderer {
 
 struct RenderRequest {
-  std::string scene;                  // a .pbrt file or a split folder
+  std::string scene;  // a .pbrt file or a split folder
   JobOverrides overrides;
   SplitOptions split;
-  std::uint32_t hosts = 1;            // on this machine; without `listen`
-  std::optional<Address> listen;      // hosts come by themselves
-  std::uint32_t min_hosts = 1;        // with `listen`
+  std::uint32_t hosts = 1;        // on this machine; without `listen`
+  std::optional<Address> listen;  // hosts come by themselves
+  std::uint32_t min_hosts = 1;    // with `listen`
   std::uint32_t replication = 1;
-  unsigned threads = 1;               // of a host on this machine
-  std::uint64_t memory = 0;           // likewise
+  unsigned threads = 1;      // of a host on this machine
+  std::uint64_t memory = 0;  // likewise
   std::string token;
   bool allow_inexact = false;
   float alpha = 0.25f;
   double lost_after_s = 10;
-  std::optional<double> wait_s;       // without any host
+  std::optional<double> wait_s;  // without any host
   std::optional<double> max_error, max_time_s;
   std::optional<Image> reference;
-  std::string log_level = "warn";     // of hosts that are started here
+  std::string log_level = "warn";  // of hosts that are started here
 };
 
 struct SceneFacts {
@@ -67,21 +68,23 @@ struct RenderOutcome {
   SceneFacts facts;
   std::unique_ptr<Film> film;
   bool interrupted = false;
-  bool bound_met = true;              // --max-error
+  bool bound_met = true;  // --max-error
   bool bit_exact = true;
   double wall_s = 0, load_s = 0, render_s = 0, cpu_s = 0;
   std::uint64_t paths_done = 0, invalid_samples = 0, clamped_samples = 0;
-  std::uint64_t wire_bytes = 0;       // sent by all processes, parts and files left out
-  std::uint32_t spp_done = 0;         // complete samples a pixel
+  std::uint64_t wire_bytes = 0;  // sent by all processes, parts and files left out
+  std::uint32_t spp_done = 0;    // complete samples a pixel
   std::vector<ConvergencePoint> convergence;
   std::map<HostId, ManagerCore::HostReport> hosts;
-  std::array<double, 4> engine_s{};   // one host in this process: camera, trace, shade, occlusion
+  std::array<double, 4> engine_s{};  // one host in this process: camera, trace, shade, occlusion
 };
 
 // Throws SceneError, UsageError, ClusterError.
-RenderOutcome render(const RenderRequest& request, const RenderObserver& observer, Interrupts& interrupts);
+RenderOutcome render(const RenderRequest& request, const RenderObserver& observer,
+                     Interrupts& interrupts);
 
-// The memory budget of a host when nothing is said: 80 % of what there is, shared by the hosts of this machine.
+// The memory budget of a host when nothing is said: 80 % of what there is, shared by the hosts of
+// this machine.
 std::uint64_t default_memory(std::uint32_t hosts);
 
 }  // namespace cloudrenderer

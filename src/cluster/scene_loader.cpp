@@ -14,10 +14,11 @@ namespace cloudrenderer {
 struct SceneLoader::Scene {
   std::shared_ptr<const Manifest> manifest;
   std::string folder;
-  std::unique_ptr<TemporaryFolder> fetched;     // holds what came over the wire; else the folder is somebody's
+  std::unique_ptr<TemporaryFolder>
+      fetched;  // holds what came over the wire; else the folder is somebody's
   std::unique_ptr<Resident> resident;
-  std::unique_ptr<PathTracer> tracer;           // works on `resident`
-  std::vector<std::uint32_t> prototype_uses;    // by loaded parts
+  std::unique_ptr<PathTracer> tracer;         // works on `resident`
+  std::vector<std::uint32_t> prototype_uses;  // by loaded parts
 };
 
 namespace {
@@ -60,7 +61,8 @@ void fetch_scene(BlobFetcher& fetcher, const wire::JobStart& job, const std::str
   const Result<Manifest> manifest = decode_manifest(bytes);
   if (!manifest) throw ClusterError("the manifest that the manager sent: " + manifest.error());
   for (const std::string& name : referenced_files(manifest->scene)) {
-    if (fs::path(name).filename() != name) throw ClusterError("the manifest names a file outside of its folder");
+    if (fs::path(name).filename() != name)
+      throw ClusterError("the manifest names a file outside of its folder");
     must(fetcher.fetch({wire::BLOB_FILE, 0, name}, folder + "/files/" + name, kLargestFile), name);
   }
 }
@@ -116,8 +118,8 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
     scene->resident = std::make_unique<Resident>(options);
     scene->prototype_uses.assign(scene->manifest->prototypes.size(), 0);
     load_prototypes(*scene, 0);
-    scene->tracer = std::make_unique<PathTracer>(*scene->manifest, settings, read(*scene, wire::BLOB_PART, 0),
-                                                 *scene->resident, warnings);
+    scene->tracer = std::make_unique<PathTracer>(
+        *scene->manifest, settings, read(*scene, wire::BLOB_PART, 0), *scene->resident, warnings);
     const std::lock_guard lock(mutex_);
     scene_ = std::move(scene);
   });
@@ -126,11 +128,14 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
 Part SceneLoader::read(Scene& scene, wire::BlobKind kind, std::uint32_t index) {
   const bool part = kind == wire::BLOB_PART;
   const std::string what = (part ? "part " : "prototype ") + std::to_string(index);
-  const std::string path = part ? part_path(scene.folder, index) : prototype_path(scene.folder, index);
+  const std::string path =
+      part ? part_path(scene.folder, index) : prototype_path(scene.folder, index);
   const Manifest& m = *scene.manifest;
-  if (index >= (part ? m.parts.size() : m.prototypes.size())) throw ClusterError("there is no " + what);
+  if (index >= (part ? m.parts.size() : m.prototypes.size()))
+    throw ClusterError("there is no " + what);
   if (scene.fetched && !fs::exists(path))
-    must(sources_.fetcher->fetch({kind, index, {}}, path, part ? m.parts[index].file_bytes : m.prototypes[index].file_bytes),
+    must(sources_.fetcher->fetch({kind, index, {}}, path,
+                                 part ? m.parts[index].file_bytes : m.prototypes[index].file_bytes),
          what);
   Result<Part> read = read_part_file(path);
   if (!read) throw ClusterError(what + ": " + read.error());
@@ -140,7 +145,8 @@ Part SceneLoader::read(Scene& scene, wire::BlobKind kind, std::uint32_t index) {
 
 void SceneLoader::load_prototypes(Scene& scene, std::uint32_t part) {
   for (const std::uint32_t p : scene.manifest->parts[part].prototypes) {
-    if (p >= scene.prototype_uses.size()) throw ClusterError("there is no prototype " + std::to_string(p));
+    if (p >= scene.prototype_uses.size())
+      throw ClusterError("there is no prototype " + std::to_string(p));
     if (scene.prototype_uses[p]++ == 0)
       scene.resident->load_prototype(p, read(scene, wire::BLOB_PROTOTYPE, p));
   }
@@ -193,7 +199,9 @@ std::array<double, 4> SceneLoader::engine_seconds() const {
   const auto s = scene();
   if (!s) return {};
   const EngineTime& t = s->tracer->time();
-  const auto seconds = [](const std::atomic<std::uint64_t>& ns) { return static_cast<double>(ns.load()) * 1e-9; };
+  const auto seconds = [](const std::atomic<std::uint64_t>& ns) {
+    return static_cast<double>(ns.load()) * 1e-9;
+  };
   return {seconds(t.camera), seconds(t.trace), seconds(t.shade), seconds(t.occlusion)};
 }
 

@@ -14,12 +14,14 @@ namespace cloudrenderer {
 
 // Where a host looks for the files of a split, in this order.
 struct SceneSources {
-  std::shared_ptr<const Manifest> manifest;  // of the folder that the job names: the manager's own process
-  std::string folder;                        // --parts
-  std::shared_ptr<BlobFetcher> fetcher;      // the manager; null: not possible
+  std::shared_ptr<const Manifest>
+      manifest;        // of the folder that the job names: the manager's own process
+  std::string folder;  // --parts
+  std::shared_ptr<BlobFetcher> fetcher;  // the manager; null: not possible
 };
 
-// A host's scene: fetches files, loads and drops parts, and makes the engine. The loader calls come from one thread.
+// A host's scene: fetches files, loads and drops parts, and makes the engine. The loader calls come
+// from one thread.
 class SceneLoader final : public PartLoader {
  public:
   SceneLoader(unsigned build_threads, SceneSources sources);

@@ -11,7 +11,8 @@ namespace cloudrenderer {
 TemporaryFolder::TemporaryFolder() {
   std::string name = (std::filesystem::temp_directory_path() / "cloudrenderer-XXXXXX").string();
   if (mkdtemp(name.data()) == nullptr)
-    throw std::system_error(errno, std::generic_category(), "cannot make a temporary folder " + name);
+    throw std::system_error(errno, std::generic_category(),
+                            "cannot make a temporary folder " + name);
   path_ = name;
 }
 

@@ -28,7 +28,8 @@ void Ticker::at(double deadline) {
 void Ticker::arm(double deadline) {
   if (stopped_ || !std::isfinite(deadline)) return;
   const double wait = std::max(deadline - clock_.now(), kShortest);
-  timer_.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(wait)));
+  timer_.expires_after(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(wait)));
   timer_.async_wait([weak = weak_from_this()](const std::error_code& cancelled) {
     const auto self = weak.lock();
     if (cancelled || !self || self->stopped_) return;

@@ -25,7 +25,8 @@ std::uint64_t status_bytes(const std::string& name) {
   return 0;
 }
 
-// The smallest limit on the way from this process's group to the root; "max" and missing files set none.
+// The smallest limit on the way from this process's group to the root; "max" and missing files set
+// none.
 std::uint64_t cgroup_limit() {
   std::uint64_t limit = ~std::uint64_t{0};
   const auto read = [&](const std::string& path) {
@@ -65,15 +66,16 @@ std::uint64_t peak_rss() { return status_bytes("VmHWM"); }
 std::uint64_t anonymous_rss() { return status_bytes("RssAnon"); }
 
 std::uint64_t available_memory() {
-  const auto machine =
-      static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+  const auto machine = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+                       static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
   return std::min(machine, cgroup_limit());
 }
 
 unsigned available_threads() {
   cpu_set_t set;
   CPU_ZERO(&set);
-  if (sched_getaffinity(0, sizeof set, &set) == 0) return static_cast<unsigned>(std::max(1, CPU_COUNT(&set)));
+  if (sched_getaffinity(0, sizeof set, &set) == 0)
+    return static_cast<unsigned>(std::max(1, CPU_COUNT(&set)));
   return static_cast<unsigned>(std::max(1L, sysconf(_SC_NPROCESSORS_ONLN)));
 }
 

@@ -19,13 +19,15 @@ namespace {
 
 constexpr HostId kManager{0};
 
-// A worker on this machine that talks to its manager and peers over TCP. Everything on the I/O thread unless said.
+// A worker on this machine that talks to its manager and peers over TCP. Everything on the I/O
+// thread unless said.
 class Worker {
  public:
   explicit Worker(const WorkerConfig& config)
       : config_(config),
         incarnation_(new_incarnation()),
-        fetcher_(std::make_shared<BlobFetcher>([this](wire::Message m) { deliver(kManager, std::move(m)); })),
+        fetcher_(std::make_shared<BlobFetcher>(
+            [this](wire::Message m) { deliver(kManager, std::move(m)); })),
         loader_(config.threads, {nullptr, config.parts, fetcher_}) {}
 
   void run() {
@@ -62,8 +64,9 @@ class Worker {
   }
 
   asio::awaitable<void> join(std::chrono::duration<double> patience) {
-    auto stream = co_await connect(
-        io_, config_.manager, std::chrono::duration_cast<std::chrono::steady_clock::duration>(patience));
+    auto stream =
+        co_await connect(io_, config_.manager,
+                         std::chrono::duration_cast<std::chrono::steady_clock::duration>(patience));
     if (!listener_) {
       const Address here = config_.listen.value_or(Address{stream->local().host, 0});
       listener_ = std::make_unique<Listener>(io_, here, [this](std::unique_ptr<Stream> s) {
@@ -72,19 +75,24 @@ class Worker {
       });
       advertised_ = config_.advertise.value_or(listener_->address());
       // Told as it is, an address of all interfaces leads nowhere.
-      if (advertised_.host == "0.0.0.0" || advertised_.host == "::") advertised_.host = stream->local().host;
+      if (advertised_.host == "0.0.0.0" || advertised_.host == "::")
+        advertised_.host = stream->local().host;
     }
     GreetingHandlers h;
     h.proved = [this](const auto& session) {
-      wire::Hello hello = make_hello(incarnation_, config_.name, config_.memory, config_.threads, options_.path_credits);
+      wire::Hello hello = make_hello(incarnation_, config_.name, config_.memory, config_.threads,
+                                     options_.path_credits);
       hello.set_listen(advertised_.to_string());
       hello.set_allow_inexact(config_.allow_inexact);
       send_unsequenced(*session, hello);
     };
-    h.introduced = [this](const auto& session, wire::Message&& m) { return welcomed(session, std::move(m)); };
+    h.introduced = [this](const auto& session, wire::Message&& m) {
+      return welcomed(session, std::move(m));
+    };
     h.frame = [this](const auto& session, WireFrame f) { receive(session, std::move(f)); };
     h.closed = [this](const auto& session, const std::string& reason) { closed(session, reason); };
-    manager_session_ = greet(std::move(stream), Handshake::Role::connects, config_.token, std::move(h));
+    manager_session_ =
+        greet(std::move(stream), Handshake::Role::connects, config_.token, std::move(h));
   }
 
   bool welcomed(const std::shared_ptr<Session>& session, wire::Message&& message) {
@@ -113,9 +121,12 @@ class Worker {
     spdlog::info("this is host {}", self.value);
     const auto now = [this] { return clock_.now(); };
     manager_ = std::make_shared<PeerLink>(io_, incarnation_, welcome.incarnation(), now);
-    peers_ = std::make_unique<Peers>(io_, Peers::Self{self, incarnation_, config_.token}, now,
-                                     Peers::Callbacks{[this](HostId from, wire::Message&& m) { node_->receive(from, std::move(m)); },
-                                                      [this](HostId peer) { node_->peer_unreachable(peer); }});
+    peers_ = std::make_unique<Peers>(
+        io_, Peers::Self{self, incarnation_, config_.token}, now,
+        Peers::Callbacks{
+            [this](HostId from, wire::Message&& m) { node_->receive(from, std::move(m)); },
+            [this](HostId peer) { node_->peer_unreachable(peer); },
+            [this](HostId peer) { node_->peer_reachable(peer); }});
     options_.threads = config_.threads;
     options_.alpha = config_.alpha;
     options_.status_every_s = std::max(0.05, welcome.heartbeat_s());
@@ -125,7 +136,8 @@ class Worker {
     c.deadline = [this](double t) { ticker_->at(t); };
     c.failed = [this](const std::string& why) { asio::post(io_, [this, why] { give_up(why); }); };
     c.counters = [this] { return counters(); };
-    node_ = std::make_unique<WorkerNode>(self, incarnation_, options_, loader_, clock_, std::move(c));
+    node_ =
+        std::make_unique<WorkerNode>(self, incarnation_, options_, loader_, clock_, std::move(c));
     ticker_->at(clock_.now());
   }
 
@@ -137,7 +149,8 @@ class Worker {
         fetcher_->receive(std::move(*chunk));
         continue;
       }
-      if (std::holds_alternative<wire::JobEnd>(*message) || std::holds_alternative<wire::CancelJob>(*message))
+      if (std::holds_alternative<wire::JobEnd>(*message) ||
+          std::holds_alternative<wire::CancelJob>(*message))
         job_over_ = true;
       node_->receive(kManager, std::move(*message));
     }
@@ -149,8 +162,8 @@ class Worker {
     closed_received_ += session->bytes_received();
     if (manager_session_ == session) manager_session_.reset();
     if (!manager_)
-      return end("the manager at " + config_.manager.to_string() + " has ended the connection (" + reason +
-                 "); do both have the same --token-file?");
+      return end("the manager at " + config_.manager.to_string() + " has ended the connection (" +
+                 reason + "); do both have the same --token-file?");
     manager_->detach(session.get());
     if (job_over_ || node_->left()) return end({});
     spdlog::warn("the connection to the manager has ended: {}", reason);
@@ -191,6 +204,7 @@ class Worker {
     const auto [peer_sent, peer_received] = peers_->bytes();
     c.bytes_sent = sent + peer_sent;
     c.bytes_received = received + peer_received;
+    c.drained = peers_->drained();
     c.memory_used = loader_.bytes_used();
     c.memory_peak = memory_peak_ = std::max<std::uint64_t>(memory_peak_, loader_.peak_bytes());
     return c;
@@ -225,19 +239,21 @@ std::uint64_t new_incarnation() {
   std::random_device device;
   for (;;) {
     const std::uint64_t n = std::uint64_t{device()} << 32 | device();
-    if (static_cast<std::uint32_t>(n) != 0) return n;  // the low half stands in frame headers; zero means none
+    if (static_cast<std::uint32_t>(n) != 0)
+      return n;  // the low half stands in frame headers; zero means none
   }
 }
 
-wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory, unsigned threads,
-                       std::uint64_t path_credits) {
+wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory,
+                       unsigned threads, std::uint64_t path_credits) {
   wire::Hello h;
   h.set_protocol(wire::kProtocolVersion);
   h.set_incarnation(incarnation);
   h.set_name(name);
   h.set_memory(memory);
   h.set_threads(threads);
-  for (int c = wire::LOADER; c <= wire::INTERSECTION; ++c) h.add_categories(static_cast<wire::Category>(c));
+  for (int c = wire::LOADER; c <= wire::INTERSECTION; ++c)
+    h.add_categories(static_cast<wire::Category>(c));
   for (const char* feature : {"triangles", "quadrics", "alpha"}) h.add_features(feature);
   h.set_instruction_set(kInstructionSet);
   h.set_fingerprint(numeric_fingerprint());
@@ -253,7 +269,8 @@ DriverCounters process_counters() {
   return c;
 }
 
-void run_worker(const WorkerConfig& config, const std::function<void(std::function<void()>)>& on_leave) {
+void run_worker(const WorkerConfig& config,
+                const std::function<void(std::function<void()>)>& on_leave) {
   Worker worker(config);
   on_leave([&worker] { worker.leave(); });
   worker.run();

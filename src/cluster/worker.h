@@ -17,20 +17,22 @@ struct WorkerConfig {
   std::uint64_t memory = 0;
   unsigned threads = 1;
   std::string name;
-  std::string parts;                 // folder to look for parts in before asking the manager
+  std::string parts;  // folder to look for parts in before asking the manager
   std::string token;
   bool allow_inexact = false;
-  float alpha = 0.25f;               // weight of load in the choice of hosts
-  std::chrono::duration<double> patience{30};  // for the first connection, and for a manager that went away
+  float alpha = 0.25f;  // weight of load in the choice of hosts
+  std::chrono::duration<double> patience{
+      30};  // for the first connection, and for a manager that went away
 };
 
-// Works for a manager until the job has ended. `on_leave` is called with a function that asks for leave (from any
-// thread; a second call ends at once). Throws ClusterError.
-void run_worker(const WorkerConfig& config, const std::function<void(std::function<void()>)>& on_leave);
+// Works for a manager until the job has ended. `on_leave` is called with a function that asks for
+// leave (from any thread; a second call ends at once). Throws ClusterError.
+void run_worker(const WorkerConfig& config,
+                const std::function<void(std::function<void()>)>& on_leave);
 
 // What a host with these means says of itself; address and name apart.
-wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory, unsigned threads,
-                       std::uint64_t path_credits);
+wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory,
+                       unsigned threads, std::uint64_t path_credits);
 std::uint64_t new_incarnation();
 DriverCounters process_counters();  // cpu and peak of this process
 

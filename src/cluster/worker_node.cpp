@@ -11,8 +11,8 @@ constexpr double kCountEvery = 0.2;
 
 }  // namespace
 
-WorkerNode::WorkerNode(HostId self, std::uint64_t incarnation, const WorkerOptions& options, SceneLoader& loader,
-                       const Clock& clock, Callbacks callbacks)
+WorkerNode::WorkerNode(HostId self, std::uint64_t incarnation, const WorkerOptions& options,
+                       SceneLoader& loader, const Clock& clock, Callbacks callbacks)
     : loader_(loader),
       clock_(clock),
       callbacks_(std::move(callbacks)),
@@ -35,8 +35,9 @@ WorkerNode::~WorkerNode() {
 void WorkerNode::receive(HostId from, wire::Message message) {
   std::unique_lock lock(mutex_);
   // The report that ends a job carries the driver's counters of this moment.
-  if (std::holds_alternative<wire::JobEnd>(message) || std::holds_alternative<wire::CancelJob>(message))
-    core_.set_driver_counters(callbacks_.counters());
+  if (std::holds_alternative<wire::JobEnd>(message) ||
+      std::holds_alternative<wire::CancelJob>(message))
+    count();
   core_.receive(from, std::move(message), clock_.now());
   after(lock);
 }
@@ -46,7 +47,7 @@ double WorkerNode::tick() {
   const double now = clock_.now();
   if (now > counted_ + kCountEvery) {
     counted_ = now;
-    core_.set_driver_counters(callbacks_.counters());
+    count();
   }
   core_.tick(now);
   announced_ = std::numeric_limits<double>::infinity();
@@ -59,6 +60,12 @@ double WorkerNode::tick() {
 void WorkerNode::peer_unreachable(HostId peer) {
   std::unique_lock lock(mutex_);
   core_.peer_unreachable(peer);
+  after(lock);
+}
+
+void WorkerNode::peer_reachable(HostId peer) {
+  std::unique_lock lock(mutex_);
+  core_.peer_reachable(peer);
   after(lock);
 }
 
@@ -107,6 +114,12 @@ void WorkerNode::after(std::unique_lock<std::mutex>& lock) {
   }
 }
 
+void WorkerNode::count() {
+  DriverCounters c = callbacks_.counters();
+  c.drained = c.drained && outgoing_.empty() && !draining_;
+  core_.set_driver_counters(c);
+}
+
 void WorkerNode::compute() {
   prepare_compute_thread();
   std::unique_lock lock(mutex_);
@@ -147,7 +160,7 @@ void WorkerNode::run(Work& work, std::unique_lock<std::mutex>& lock) {
       result = execute(*engine, work);
     }
     lock.lock();
-    if (is_loader_work(work)) core_.set_driver_counters(callbacks_.counters());
+    if (is_loader_work(work)) count();
     core_.finish(work, result, clock_.now());
     after(lock);
     lock.unlock();

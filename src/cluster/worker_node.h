@@ -11,20 +11,22 @@
 
 namespace cloudrenderer {
 
-// A worker's core with its threads: `threads` that compute, one that loads. Knows no sockets: what the core has to say
-// goes to `deliver`, what others say comes in by receive(). All functions may be called from any thread.
+// A worker's core with its threads: `threads` that compute, one that loads. Knows no sockets: what
+// the core has to say goes to `deliver`, what others say comes in by receive(). All functions may
+// be called from any thread.
 class WorkerNode {
  public:
   struct Callbacks {
-    // A message for a host; called one at a time, in the order of the core's outbox, with no lock held.
+    // A message for a host; called one at a time, in the order of the core's outbox, with no lock
+    // held.
     std::function<void(HostId, wire::Message&&)> deliver;
-    std::function<void(double)> deadline;               // tick() wants to be called at this time, or earlier
-    std::function<void(const std::string&)> failed;     // a compute thread could not go on
-    std::function<DriverCounters()> counters;           // the driver's part of the report
+    std::function<void(double)> deadline;  // tick() wants to be called at this time, or earlier
+    std::function<void(const std::string&)> failed;  // a compute thread could not go on
+    std::function<DriverCounters()> counters;        // the driver's part of the report
   };
 
-  WorkerNode(HostId self, std::uint64_t incarnation, const WorkerOptions& options, SceneLoader& loader,
-             const Clock& clock, Callbacks callbacks);
+  WorkerNode(HostId self, std::uint64_t incarnation, const WorkerOptions& options,
+             SceneLoader& loader, const Clock& clock, Callbacks callbacks);
   ~WorkerNode();  // finishes what runs, and drops the rest
   WorkerNode(const WorkerNode&) = delete;
   WorkerNode& operator=(const WorkerNode&) = delete;
@@ -32,16 +34,19 @@ class WorkerNode {
   void receive(HostId from, wire::Message message);
   double tick();  // the next deadline
   void peer_unreachable(HostId peer);
+  void peer_reachable(HostId peer);
   void leave(const std::string& reason);
   bool left() const;
   // The list of hosts when it has changed since `version`, which is renewed.
   bool new_hosts(std::uint64_t& version, std::vector<wire::HostEntry>& hosts) const;
 
  private:
+  void count();  // renews the driver's counters in the core
   void compute();
   void load();
   void run(Work& work, std::unique_lock<std::mutex>& lock);
-  void after(std::unique_lock<std::mutex>& lock);  // of every call of the core: outbox, wake-ups, deadline
+  void after(
+      std::unique_lock<std::mutex>& lock);  // of every call of the core: outbox, wake-ups, deadline
 
   SceneLoader& loader_;
   const Clock& clock_;
@@ -49,7 +54,7 @@ class WorkerNode {
   mutable std::mutex mutex_;  // guards what follows
   WorkerCore core_;
   WorkerCore::Outbox outgoing_;
-  bool draining_ = false;     // some thread delivers; it takes what comes meanwhile, too
+  bool draining_ = false;  // some thread delivers; it takes what comes meanwhile, too
   bool stopping_ = false;
   double announced_ = 0;
   double counted_ = -1;

@@ -8,7 +8,8 @@ namespace cloudrenderer {
 
 Address Address::parse(const std::string& text) {
   const auto bad = [&](const char* why) {
-    return UsageError("'" + text + "' is no address: " + why + " (expected HOST:PORT, for example 10.0.0.1:7800)");
+    return UsageError("'" + text + "' is no address: " + why +
+                      " (expected HOST:PORT, for example 10.0.0.1:7800)");
   };
   const std::size_t colon = text.rfind(':');
   if (colon == std::string::npos) throw bad("the port is missing");
@@ -16,7 +17,8 @@ Address Address::parse(const std::string& text) {
   const char* first = text.data() + colon + 1;
   const char* last = text.data() + text.size();
   const auto [end, error] = std::from_chars(first, last, a.port);
-  if (error != std::errc{} || end != last || first == last) throw bad("the port must be a number up to 65535");
+  if (error != std::errc{} || end != last || first == last)
+    throw bad("the port must be a number up to 65535");
   a.host = text.substr(0, colon);
   if (!a.host.empty() && a.host.front() == '[') {
     if (a.host.back() != ']' || a.host.size() < 3) throw bad("the bracket is not closed");
@@ -32,6 +34,8 @@ std::string Address::to_string() const {
   return (v6 ? "[" + host + "]" : host) + ":" + std::to_string(port);
 }
 
-bool Address::is_loopback() const { return host == "localhost" || host == "::1" || host.rfind("127.", 0) == 0; }
+bool Address::is_loopback() const {
+  return host == "localhost" || host == "::1" || host.rfind("127.", 0) == 0;
+}
 
 }  // namespace cloudrenderer

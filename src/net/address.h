@@ -4,7 +4,8 @@
 
 namespace cloudrenderer {
 
-// A TCP address as people write it: "host:port", "1.2.3.4:port", "[::1]:port", ":port" (all interfaces).
+// A TCP address as people write it: "host:port", "1.2.3.4:port", "[::1]:port", ":port" (all
+// interfaces).
 struct Address {
   std::string host;  // without brackets; "" only in addresses to listen on
   std::uint16_t port = 0;

@@ -10,7 +10,8 @@ struct Greeting {
 
   void receive(const std::shared_ptr<Session>& session, WireFrame frame) {
     if (introduced) return handlers.frame(session, std::move(frame));
-    if (!frame.payload) return session->close("it acknowledges messages before it has introduced itself");
+    if (!frame.payload)
+      return session->close("it acknowledges messages before it has introduced itself");
     Result<wire::Message> message = wire::decode(*frame.payload);
     if (!message) return session->close(message.error());
     if (!handshake.done()) {
@@ -38,10 +39,12 @@ struct Greeting {
 
 }  // namespace
 
-std::shared_ptr<Session> greet(std::unique_ptr<Stream> stream, Handshake::Role role, const std::string& secret,
-                               GreetingHandlers handlers, const SessionLimits& limits) {
+std::shared_ptr<Session> greet(std::unique_ptr<Stream> stream, Handshake::Role role,
+                               const std::string& secret, GreetingHandlers handlers,
+                               const SessionLimits& limits) {
   auto session = std::make_shared<Session>(std::move(stream), limits);
-  auto greeting = std::make_shared<Greeting>(Greeting{Handshake(role, secret), std::move(handlers)});
+  auto greeting =
+      std::make_shared<Greeting>(Greeting{Handshake(role, secret), std::move(handlers)});
   // The session owns its handlers until it ends; they must not own the session.
   const std::weak_ptr<Session> weak = session;
   session->start({[weak, greeting](WireFrame frame) {
@@ -54,6 +57,8 @@ std::shared_ptr<Session> greet(std::unique_ptr<Stream> stream, Handshake::Role r
   return session;
 }
 
-void send_unsequenced(Session& session, const wire::Message& message) { session.send({{}, wire::encode(message)}); }
+void send_unsequenced(Session& session, const wire::Message& message) {
+  session.send({{}, wire::encode(message)});
+}
 
 }  // namespace cloudrenderer

@@ -19,9 +19,11 @@ constexpr std::size_t kNonceBytes = 32, kMaxNonceBytes = 64;
 
 }  // namespace
 
-Handshake::Handshake(Role role, std::string secret) : role_(role), secret_(std::move(secret)), nonce_(kNonceBytes, '\0') {
+Handshake::Handshake(Role role, std::string secret)
+    : role_(role), secret_(std::move(secret)), nonce_(kNonceBytes, '\0') {
   answered_ = role == Role::accepts;
-  if (RAND_bytes(reinterpret_cast<unsigned char*>(nonce_.data()), static_cast<int>(nonce_.size())) != 1)
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(nonce_.data()),
+                 static_cast<int>(nonce_.size())) != 1)
     throw std::runtime_error("no random numbers from the system");
 }
 
@@ -42,14 +44,16 @@ Result<std::vector<wire::Message>> Handshake::receive(const wire::Message& messa
     return std::vector<wire::Message>{proof};
   }
   if (const auto* proof = std::get_if<wire::Proof>(&message)) {
-    const std::string expected = code(role_ == Role::accepts ? Role::connects : Role::accepts, nonce_);
+    const std::string expected =
+        code(role_ == Role::accepts ? Role::connects : Role::accepts, nonce_);
     if (proof->code().size() != expected.size() ||
         CRYPTO_memcmp(proof->code().data(), expected.data(), expected.size()) != 0)
       return Answer::failure("it does not know the cluster's secret (--token-file)");
     proved_ = true;
     return std::vector<wire::Message>{};
   }
-  return Answer::failure(std::string("it sent ") + wire::message_name(message) + " before it had proved who it is");
+  return Answer::failure(std::string("it sent ") + wire::message_name(message) +
+                         " before it had proved who it is");
 }
 
 std::string Handshake::code(Role role, const std::string& nonce) const {
@@ -58,7 +62,8 @@ std::string Handshake::code(Role role, const std::string& nonce) const {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
   unsigned int length = 0;
   if (HMAC(EVP_sha256(), secret_.data(), static_cast<int>(secret_.size()),
-           reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest.data(), &length) == nullptr)
+           reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest.data(),
+           &length) == nullptr)
     throw std::runtime_error("HMAC-SHA256 failed");
   return {reinterpret_cast<const char*>(digest.data()), length};
 }

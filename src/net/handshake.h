@@ -6,16 +6,18 @@
 
 namespace cloudrenderer {
 
-// Both ends of a new connection prove that they know the shared secret, without saying it (HMAC-SHA256 of the other's
-// random challenge; the code of the connecting and of the accepting end differ, so that none can be played back).
-// A value: the session's owner feeds it what arrives and sends what it gives. Without a secret the codes are empty.
+// Both ends of a new connection prove that they know the shared secret, without saying it
+// (HMAC-SHA256 of the other's random challenge; the code of the connecting and of the accepting end
+// differ, so that none can be played back). A value: the session's owner feeds it what arrives and
+// sends what it gives. Without a secret the codes are empty.
 class Handshake {
  public:
   enum class Role { connects, accepts };
   Handshake(Role role, std::string secret);
 
   std::vector<wire::Message> begin();  // to be sent first
-  // A message that arrived before done(). The answer is to be sent; a failure closes the connection.
+  // A message that arrived before done(). The answer is to be sent; a failure closes the
+  // connection.
   Result<std::vector<wire::Message>> receive(const wire::Message& message);
   bool done() const { return proved_ && answered_; }
 

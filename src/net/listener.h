@@ -11,7 +11,8 @@ namespace cloudrenderer {
 class Listener {
  public:
   // Port 0 takes a free one. Throws ClusterError when the address cannot be listened on.
-  Listener(asio::io_context& io, const Address& address, std::function<void(std::unique_ptr<Stream>)> on_accept);
+  Listener(asio::io_context& io, const Address& address,
+           std::function<void(std::unique_ptr<Stream>)> on_accept);
   ~Listener();
   Listener(const Listener&) = delete;
   Listener& operator=(const Listener&) = delete;

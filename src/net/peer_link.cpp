@@ -6,9 +6,11 @@
 
 namespace cloudrenderer {
 
-PeerLink::PeerLink(asio::io_context& io, std::uint64_t own_incarnation, std::uint64_t peer_incarnation, Now now)
+PeerLink::PeerLink(asio::io_context& io, std::uint64_t own_incarnation,
+                   std::uint64_t peer_incarnation, Now now)
     : now_(std::move(now)),
-      link_(static_cast<std::uint32_t>(own_incarnation), static_cast<std::uint32_t>(peer_incarnation)),
+      link_(static_cast<std::uint32_t>(own_incarnation),
+            static_cast<std::uint32_t>(peer_incarnation)),
       timer_(io) {}
 
 void PeerLink::send(wire::Bytes payload) {

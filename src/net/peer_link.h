@@ -11,19 +11,20 @@
 
 namespace cloudrenderer {
 
-// The way to one other host: delivery exactly once and in order over whatever session there is at the moment.
-// Sessions come and go; what was not acknowledged is sent again over the next one.
+// The way to one other host: delivery exactly once and in order over whatever session there is at
+// the moment. Sessions come and go; what was not acknowledged is sent again over the next one.
 class PeerLink : public std::enable_shared_from_this<PeerLink> {
  public:
   using Now = std::function<double()>;
-  PeerLink(asio::io_context& io, std::uint64_t own_incarnation, std::uint64_t peer_incarnation, Now now);
+  PeerLink(asio::io_context& io, std::uint64_t own_incarnation, std::uint64_t peer_incarnation,
+           Now now);
 
   void send(wire::Bytes payload);  // any thread
   // The rest on the I/O thread.
   void attach(std::shared_ptr<Session> session);
   void detach(const Session* session);  // nothing when another one has taken its place
   std::vector<wire::Bytes> receive(WireFrame frame);  // payloads whose turn it is
-  void close_when_sent();                         // and no session any more
+  void close_when_sent();                             // and no session any more
   bool connected() const;
   std::size_t queued() const;
   std::shared_ptr<Session> session() const;

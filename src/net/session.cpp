@@ -43,7 +43,8 @@ void Session::start(Handlers handlers) {
   timer_.expires_after(limits_.stranger_timeout);
   timer_.async_wait([weak = weak_from_this()](const std::error_code& cancelled) {
     const auto session = weak.lock();
-    if (!cancelled && session && !session->trusted_) session->finish("it did not introduce itself in time");
+    if (!cancelled && session && !session->trusted_)
+      session->finish("it did not introduce itself in time");
   });
   asio::co_spawn(stream_->executor(), read_frames(), [self](std::exception_ptr error) {
     if (error) self->finish(reason_of(error));
@@ -57,11 +58,13 @@ asio::awaitable<void> Session::read_frames() {
     while (end - begin < wire::kFrameHeaderBytes) {
       if (begin == end) begin = end = 0;
       if (end == buffer.size()) {
-        std::copy(buffer.begin() + static_cast<std::ptrdiff_t>(begin), buffer.end(), buffer.begin());
+        std::copy(buffer.begin() + static_cast<std::ptrdiff_t>(begin), buffer.end(),
+                  buffer.begin());
         end -= begin;
         begin = 0;
       }
-      const std::size_t n = co_await stream_->read_some(asio::buffer(buffer.data() + end, buffer.size() - end));
+      const std::size_t n =
+          co_await stream_->read_some(asio::buffer(buffer.data() + end, buffer.size() - end));
       bytes_received_ += n;
       end += n;
     }
@@ -88,8 +91,8 @@ asio::awaitable<void> Session::read_frames() {
     while (filled < length) {
       if (filled == payload.size())
         payload.resize(std::min(length, std::max(filled * 2, filled + kReadBytes)));
-      const std::size_t n =
-          co_await stream_->read_some(asio::buffer(payload.data() + filled, payload.size() - filled));
+      const std::size_t n = co_await stream_->read_some(
+          asio::buffer(payload.data() + filled, payload.size() - filled));
       bytes_received_ += n;
       filled += n;
     }
@@ -102,19 +105,24 @@ asio::awaitable<void> Session::read_frames() {
 
 void Session::send(WireFrame frame) {
   if (closed_) return;
-  const std::lock_guard lock(mutex_);
-  if (close_when_sent_) return;
-  queued_bytes_ += size_of(frame);
-  if (queued_bytes_ > limits_.max_queued) {
-    asio::post(stream_->executor(),
-               [self = shared_from_this()] { self->finish("it does not read what is sent to it"); });
-    return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (close_when_sent_) return;
+    queued_bytes_ += size_of(frame);
+    if (queued_bytes_ > limits_.max_queued) {
+      asio::post(stream_->executor(),
+                 [self = shared_from_this()] { self->finish("it does not read what is sent to it"); });
+      return;
+    }
+    queue_.push_back(std::move(frame));
+    if (writing_) return;
+    writing_ = true;
   }
-  queue_.push_back(std::move(frame));
-  if (writing_) return;
-  writing_ = true;
-  asio::co_spawn(stream_->executor(), write_frames(), [self = shared_from_this()](std::exception_ptr error) {
-    if (error) self->finish(reason_of(error));
+  // Posted: callers may hold locks of their own, and nothing of ours may run inside of them.
+  asio::post(stream_->executor(), [self = shared_from_this()] {
+    asio::co_spawn(self->stream_->executor(), self->write_frames(), [self](std::exception_ptr error) {
+      if (error) self->finish(reason_of(error));
+    });
   });
 }
 

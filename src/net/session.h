@@ -21,20 +21,23 @@ struct WireFrame {
 };
 
 struct SessionLimits {
-  // Until trust() is called: a stranger may neither send much nor sit there in silence. Later wire::kMaxFrameBytes.
+  // Until trust() is called: a stranger may neither send much nor sit there in silence. Later
+  // wire::kMaxFrameBytes.
   std::uint32_t max_stranger_payload = 64u << 10;
   std::chrono::milliseconds stranger_timeout{10'000};
   // A peer that reads nothing while we send is closed at this many queued bytes.
   std::uint64_t max_queued = std::uint64_t{512} << 20;
 };
 
-// Frames over a stream. Reads one after the other, writes what is queued in gathered system calls. It lives while the
-// connection does (it holds itself) and ends with exactly one call of on_close, on the I/O thread.
+// Frames over a stream. Reads one after the other, writes what is queued in gathered system calls.
+// It lives while the connection does (it holds itself) and ends with exactly one call of on_close,
+// on the I/O thread.
 class Session : public std::enable_shared_from_this<Session> {
  public:
   struct Handlers {
-    std::function<void(WireFrame)> on_frame;                     // on the I/O thread
-    std::function<void(const std::string& reason)> on_close;  // why it ended; "" after a close() of our own
+    std::function<void(WireFrame)> on_frame;  // on the I/O thread
+    std::function<void(const std::string& reason)>
+        on_close;  // why it ended; "" after a close() of our own
   };
 
   Session(std::unique_ptr<Stream> stream, const SessionLimits& limits);

@@ -15,7 +15,9 @@ namespace {
 
 using asio::ip::tcp;
 
-std::string text_of(const tcp::endpoint& e) { return Address{e.address().to_string(), e.port()}.to_string(); }
+std::string text_of(const tcp::endpoint& e) {
+  return Address{e.address().to_string(), e.port()}.to_string();
+}
 
 class TcpStream final : public Stream {
  public:
@@ -67,8 +69,9 @@ asio::awaitable<std::unique_ptr<Stream>> connect(asio::io_context& io, Address a
   tcp::resolver resolver(io);
   for (;;) {
     std::error_code error;
-    const auto found = co_await resolver.async_resolve(address.host, std::to_string(address.port),
-                                                       asio::redirect_error(asio::use_awaitable, error));
+    const auto found =
+        co_await resolver.async_resolve(address.host, std::to_string(address.port),
+                                        asio::redirect_error(asio::use_awaitable, error));
     if (!error) {
       // Shared: the timer's handler may already be queued when the attempt ends.
       const auto socket = std::make_shared<tcp::socket>(io);
@@ -77,7 +80,8 @@ asio::awaitable<std::unique_ptr<Stream>> connect(asio::io_context& io, Address a
         std::error_code ignored;
         if (!cancelled) socket->close(ignored);
       });
-      co_await asio::async_connect(*socket, found, asio::redirect_error(asio::use_awaitable, error));
+      co_await asio::async_connect(*socket, found,
+                                   asio::redirect_error(asio::use_awaitable, error));
       attempt.cancel();
       if (!error && socket->is_open()) co_return make_tcp_stream(std::move(*socket));
       if (!error) error = asio::error::timed_out;

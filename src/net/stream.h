@@ -13,8 +13,8 @@
 
 namespace cloudrenderer {
 
-// A connection that carries bytes both ways. Sessions see only this, so that an encrypted connection can take the
-// place of a plain one. All calls on the thread that runs the executor.
+// A connection that carries bytes both ways. Sessions see only this, so that an encrypted
+// connection can take the place of a plain one. All calls on the thread that runs the executor.
 class Stream {
  public:
   virtual ~Stream() = default;
@@ -23,16 +23,16 @@ class Stream {
   virtual asio::awaitable<std::size_t> read_some(asio::mutable_buffer to) = 0;
   // Everything, gathered into as few system calls as possible. The buffers live until it is done.
   virtual asio::awaitable<void> write(std::span<const asio::const_buffer> buffers) = 0;
-  virtual void close() noexcept = 0;  // pending calls fail
-  virtual std::string peer() const = 0;   // "1.2.3.4:567"
+  virtual void close() noexcept = 0;     // pending calls fail
+  virtual std::string peer() const = 0;  // "1.2.3.4:567"
   virtual Address local() const = 0;
 };
 
 // Plain TCP, with TCP_NODELAY and keep-alive set.
 std::unique_ptr<Stream> make_tcp_stream(asio::ip::tcp::socket socket);
 
-// Connects, trying again with growing pauses until `patience` has passed: hosts start in any order, and a fresh
-// container may have no route for a while. Throws ClusterError with the last reason.
+// Connects, trying again with growing pauses until `patience` has passed: hosts start in any order,
+// and a fresh container may have no route for a while. Throws ClusterError with the last reason.
 asio::awaitable<std::unique_ptr<Stream>> connect(asio::io_context& io, Address address,
                                                  std::chrono::steady_clock::duration patience);
 
