@@ -110,8 +110,9 @@ void Session::send(WireFrame frame) {
     if (close_when_sent_) return;
     queued_bytes_ += size_of(frame);
     if (queued_bytes_ > limits_.max_queued) {
-      asio::post(stream_->executor(),
-                 [self = shared_from_this()] { self->finish("it does not read what is sent to it"); });
+      asio::post(stream_->executor(), [self = shared_from_this()] {
+        self->finish("it does not read what is sent to it");
+      });
       return;
     }
     queue_.push_back(std::move(frame));
@@ -120,9 +121,10 @@ void Session::send(WireFrame frame) {
   }
   // Posted: callers may hold locks of their own, and nothing of ours may run inside of them.
   asio::post(stream_->executor(), [self = shared_from_this()] {
-    asio::co_spawn(self->stream_->executor(), self->write_frames(), [self](std::exception_ptr error) {
-      if (error) self->finish(reason_of(error));
-    });
+    asio::co_spawn(self->stream_->executor(), self->write_frames(),
+                   [self](std::exception_ptr error) {
+                     if (error) self->finish(reason_of(error));
+                   });
   });
 }
 
