@@ -58,8 +58,10 @@ class Sessions : public testing::Test {
     wire::LinkHeader link;
     link.sequence = sequence;
     const auto head = wire::encode_frame_header(link, payload ? payload->size() : 0);
-    std::vector<std::byte> out(head.begin(), head.end());
-    if (payload) out.insert(out.end(), payload->begin(), payload->end());
+    std::vector<std::byte> out(head.size() + (payload ? payload->size() : 0));
+    std::copy(head.begin(), head.end(), out.begin());
+    if (payload)
+      std::copy(payload->begin(), payload->end(), out.begin() + wire::kFrameHeaderBytes);
     return out;
   }
   std::vector<std::byte> read(tcp::socket& s, std::size_t n) {

@@ -61,10 +61,13 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
 }
 
 void Peers::spawn_connector(HostId host, const Peer& peer) {
-  asio::co_spawn(io_, keep_connected(host, peer.link, peer.address, host < self_.host),
-                 [host](std::exception_ptr error) {
-                   if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
-                 });
+  // Posted: the mutex is held here.
+  asio::post(io_, [this, host, link = peer.link, address = peer.address] {
+    asio::co_spawn(io_, keep_connected(host, link, address, host < self_.host),
+                   [host](std::exception_ptr error) {
+                     if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
+                   });
+  });
 }
 
 asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLink> link,
