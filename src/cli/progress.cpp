@@ -17,8 +17,8 @@ std::string clock_text(double seconds) {
 }
 
 std::string rate_text(double per_second) {
-  if (per_second >= 1e6) return fmt::format("{:.2f} M", per_second / 1e6);
-  if (per_second >= 1e3) return fmt::format("{:.1f} k", per_second / 1e3);
+  if (per_second >= 1e6) return fmt::format("{:.2f} M ", per_second / 1e6);
+  if (per_second >= 1e3) return fmt::format("{:.1f} k ", per_second / 1e3);
   return fmt::format("{:.0f} ", per_second);
 }
 
