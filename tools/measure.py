@@ -1,4 +1,5 @@
 """What the benchmark and test scripts share: running the program with its resource use, reading and comparing pictures."""
+import ctypes
 import dataclasses
 import json
 import os
@@ -30,6 +31,11 @@ class Run:
     report: dict | None = None
 
 
+def die_with_parent():
+    """For preexec_fn: the child is killed when this script is, so that a test that runs out of time leaves nothing."""
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL, 0, 0, 0)  # PR_SET_PDEATHSIG
+
+
 def run(command, report=False, timeout=3600, check=False, env=None, cwd=None, watch=None):
     """Runs a command to its end. With `report`, adds --report and reads it. With `check`, a failure ends the script.
     `watch` is called with the process id, in a thread, twenty times a second while it runs."""
@@ -41,7 +47,7 @@ def run(command, report=False, timeout=3600, check=False, env=None, cwd=None, wa
         with open(pathlib.Path(scratch, "output"), "w+", errors="replace") as output:
             start = time.monotonic()
             child = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
-                                     env=env, cwd=cwd, start_new_session=True)
+                                     env=env, cwd=cwd, start_new_session=True, preexec_fn=die_with_parent)
             timed_out = threading.Event()
 
             def stop():

@@ -60,7 +60,8 @@ class Process:
         self.log = folder / f"{name}.log"
         with open(self.log, "w") as log:
             self.child = subprocess.Popen([str(a) for a in [PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
-                                          stdin=subprocess.DEVNULL, env=os.environ | {MARK: mark})
+                                          stdin=subprocess.DEVNULL, env=os.environ | {MARK: mark},
+                                          preexec_fn=measure.die_with_parent)
 
     @property
     def pid(self):
