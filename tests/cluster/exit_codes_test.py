@@ -38,7 +38,7 @@ class ExitCodes(support.ClusterTest):
         self.expect(2, "render")
         self.expect(2, "render", support.SCENE, "--no-such-option", words="no-such-option")
         self.expect(2, "render", support.SCENE, "--hosts", "none")
-        self.expect(2, "render", support.SCENE, "--memory", "12 parsecs", words="memory")
+        self.expect(2, "render", support.SCENE, "--memory", "12 parsecs", words="size")
         self.expect(2, "worker")
 
     def test_3_for_a_broken_scene_with_its_place(self):
