@@ -212,8 +212,11 @@ void PathTracer::Shader::occlusion(SurfacePoint& p, const SampleSequence& sequen
 // Light that arrives from a chosen point of a light, weighted against finding it by the BSDF's sample (Veach 1995).
 void PathTracer::Shader::direct(const SurfacePoint& p, const Vec3& side, const Bsdf& bsdf, const Vec3& wo,
                                 const SampleSequence& sequence, std::uint32_t base) {
+  // From where the next ray starts: the density of the choice must be the same there when that ray finds a light, and
+  // it jumps in the plane of an emitter.
+  const Vec3 from = offset_ray_origin(p.p, p.p_error, p.ng, side == Vec3(0.f) ? wo : side);
   LightSample sample;
-  if (!tracer.lights_->sample(p.p, side, sequence.get_1d(base + kLightChoice), sequence.get_2d(base + kLightPoint), sample)) return;
+  if (!tracer.lights_->sample(from, side, sequence.get_1d(base + kLightChoice), sequence.get_2d(base + kLightPoint), sample)) return;
   if (!(sample.pdf > 0.f)) return;
   float pdf = 0;
   const Rgb f = bsdf.eval_cos(wo, sample.wi, pdf);
