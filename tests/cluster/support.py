@@ -154,9 +154,9 @@ class ClusterTest(unittest.TestCase):
         self.assertTrue(wait_until_listening(port), f"the manager does not listen: {manager.text()}")
         return manager
 
-    def start_worker(self, name, manager_port, port, *options):
+    def start_worker(self, name, manager_port, port, memory, *options):
         return self.start(name, "worker", "--manager", f"127.0.0.1:{manager_port}", "--listen", f"127.0.0.1:{port}",
-                          "--threads", 1, "--memory", "512MiB", "--name", name, *options)
+                          "--threads", 1, "--memory", memory, "--name", name, *options)
 
     def wait_until_all_joined(self, manager_port, workers, seconds=20):
         """Waits until every worker has a connection of its own to the manager."""
