@@ -32,6 +32,14 @@ std::vector<std::string> fields(const std::string& text, char separator) {
   return CLI::detail::split(text, separator);
 }
 
+std::uint64_t size_option(const std::string& option, const std::string& text) {
+  try {
+    return parse_size(text);
+  } catch (const UsageError& e) {
+    throw UsageError(option + ": " + e.what());
+  }
+}
+
 // Options whose text needs more than a conversion are kept as text and read here, so that every
 // message is ours.
 struct Texts {
@@ -52,7 +60,7 @@ void add_split(CLI::App& app, Texts& t) {
 }
 
 void read_split(const Texts& t, SplitOptions& o) {
-  if (!t.part_size.empty()) o.part_size = parse_size(t.part_size);
+  if (!t.part_size.empty()) o.part_size = size_option("--part-size", t.part_size);
   if (!t.dialect.empty()) {
     if (t.dialect != "v2" && t.dialect != "v3")
       throw UsageError("--dialect is v2 or v3, got '" + t.dialect + "'");
@@ -195,6 +203,10 @@ Command parse_command_line(int argc, const char* const* argv) {
   info_app.add_option("scene", info.scene, "a .pbrt file or a folder made by split")->required();
   info_app.add_option("--dialect", t.dialect, "read the scene as pbrt v2 or v3");
 
+  if (argc > 1 && argv[1][0] != '-' &&
+      app.get_subcommands([&](CLI::App* a) { return a->get_name() == argv[1]; }).empty())
+    throw UsageError("there is no command '" + std::string(argv[1]) +
+                     "'; known are render, manager, worker, split, compare and info");
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help, --version
@@ -214,7 +226,7 @@ Command parse_command_line(int argc, const char* const* argv) {
     if (render.request.hosts > 1024) throw UsageError("--hosts is at most 1024");
     render.request.threads = threads;
     render.request.memory =
-        t.memory.empty() ? default_memory(render.request.hosts) : parse_size(t.memory);
+        t.memory.empty() ? default_memory(render.request.hosts) : size_option("--memory", t.memory);
     return render;
   }
   if (manager_app.parsed()) {
@@ -238,7 +250,7 @@ Command parse_command_line(int argc, const char* const* argv) {
     if (!t.parent.empty()) worker.parent = at_least<int>("--parent", t.parent, 1);
     if (!t.alpha.empty()) c.alpha = at_least<float>("--alpha", t.alpha, 0);
     c.threads = threads;
-    c.memory = t.memory.empty() ? default_memory(1) : parse_size(t.memory);
+    c.memory = t.memory.empty() ? default_memory(1) : size_option("--memory", t.memory);
     return worker;
   }
   if (split_app.parsed()) {

@@ -59,7 +59,7 @@ std::map<std::string, std::string> metadata(const RenderOptions& o, const Render
 
 void print_summary(const RenderOutcome& r, const std::string& output) {
   fmt::print(
-      "{}: {} x {} pixels, {} samples each, {:.1f} s to load, {:.1f} s to render, {:.2f} M "
+      "{}: {} x {} pixels, {:.4g} samples each, {:.1f} s to load, {:.1f} s to render, {:.2f} M "
       "samples/s\n",
       output, r.facts.settings.film.frame.crop_width(), r.facts.settings.film.frame.crop_height(),
       r.facts.settings.spp, r.load_s, r.render_s,

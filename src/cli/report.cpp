@@ -1,6 +1,7 @@
 #include "cli/report.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace cloudrenderer {
 namespace {
@@ -74,7 +75,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
       {"scene", scene},
       {"width", frame.crop_width()},
       {"height", frame.crop_height()},
-      {"spp", o.facts.settings.spp},
+      {"spp", std::llround(o.spp_mean)},
       {"parts",
        {{"count", o.facts.parts},
         {"bytes", o.facts.predicted_bytes},
@@ -97,6 +98,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
       {"error", std::move(error)},
       {"convergence", std::move(convergence)},
       {"hosts", std::move(hosts)},
+      {"spp_asked", o.facts.settings.spp},
       {"spp_done", o.spp_done},
       {"paths", o.paths_done},
       {"samples_per_s", per(paths, o.render_s)},

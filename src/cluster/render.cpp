@@ -118,6 +118,7 @@ class RenderRun {
       c.manifest = manifest_;
       c.failed = [this](const std::string& why) { fail(why); };
       local_ = std::make_unique<LocalHost>(io_, clock_, *manager_, std::move(c));
+      if (shut_) local_->stop();  // the job has failed already: too little memory, for example
       return;
     }
     const Address at = manager_->listen(request_.listen.value_or(Address{"127.0.0.1", 0}));
@@ -150,6 +151,7 @@ class RenderRun {
   }
 
   void interrupt() {
+    if (shut_) return io_.stop();
     if (interrupted_) return fail("interrupted twice");
     interrupted_ = true;
     manager_->core().cancel("interrupted", clock_.now());
@@ -209,6 +211,7 @@ class RenderRun {
   }
 
   void look() {
+    if (shut_) return;
     timer_.expires_after(kLook);
     timer_.async_wait([this](const std::error_code& cancelled) {
       if (cancelled || shut_) return;
@@ -278,6 +281,8 @@ class RenderRun {
     out.bound_met =
         !request_.max_error || convergence_.back().estimated_relmse <= *request_.max_error;
     out.paths_done = p.paths_done;
+    out.spp_mean =
+        static_cast<double>(p.paths_done) / static_cast<double>(out.film->frame().pixels());
     out.invalid_samples = p.invalid_samples;
     out.clamped_samples = p.clamped_samples;
     out.load_s = p.render_began;

@@ -73,7 +73,8 @@ struct RenderOutcome {
   double wall_s = 0, load_s = 0, render_s = 0, cpu_s = 0;
   std::uint64_t paths_done = 0, invalid_samples = 0, clamped_samples = 0;
   std::uint64_t wire_bytes = 0;  // sent by all processes, parts and files left out
-  std::uint32_t spp_done = 0;    // complete samples a pixel
+  std::uint32_t spp_done = 0;    // samples that every pixel has
+  double spp_mean = 0;           // samples of a pixel, on average
   std::vector<ConvergencePoint> convergence;
   std::map<HostId, ManagerCore::HostReport> hosts;
   std::array<double, 4> engine_s{};  // one host in this process: camera, trace, shade, occlusion
