@@ -106,8 +106,10 @@ class PartText {
   void quadric(const QuadricRecord& record) {
     const Quadric& q = record.quadric;
     const bool mirrored = q.object_to_world.swaps_handedness();
+    // pbrt-v2 sees a disk from its other side, pbrt-v3 a mirrored quadric (see make_disk).
     const bool inside_out =
-        mirrored && manifest_.scene.dialect == Dialect::v3;  // what a reader will make of it
+        (mirrored && manifest_.scene.dialect == Dialect::v3) ||
+        (manifest_.scene.dialect == Dialect::v2 && q.kind == QuadricKind::disk);
     begin_shape(record.material, record.light,
                 (record.flip != 0) != mirrored ? inside_out == (q.inside_out != 0)
                                                : inside_out != (q.inside_out != 0));
