@@ -62,7 +62,7 @@ void print_summary(const RenderOutcome& r, const std::string& output) {
       "{}: {} x {} pixels, {:.4g} samples each, {:.1f} s to load, {:.1f} s to render, {:.2f} M "
       "samples/s\n",
       output, r.facts.settings.film.frame.crop_width(), r.facts.settings.film.frame.crop_height(),
-      r.facts.settings.spp, r.load_s, r.render_s,
+      r.spp_mean, r.load_s, r.render_s,
       r.render_s > 0 ? static_cast<double>(r.paths_done) / r.render_s * 1e-6 : 0.0);
 }
 
