@@ -63,6 +63,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
     return shading->alpha(texture, uv, p);
   });
   lights_ = Lights::build(manifest.scene, manifest.shape_lights, main_part, manifest.bounds, warnings);
+  even_lobes_ = lights_->has_v2_disk();
   hittable_lights_ = lights_->has_infinite() || !manifest.shape_lights.empty();
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings);
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);

@@ -53,6 +53,7 @@ class PathTracer final : public PathEngine {
   PartMap map_;
   bool one_part_;       // nothing but the main scene and one part
   bool main_geometry_;  // the main scene has shapes of its own
+  bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::has_v2_disk)
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool footprint_;
   float footprint_scale_;  // pbrt: a sample's footprint is a pixel's over sqrt(spp)

@@ -30,11 +30,12 @@ float power_weight(float a, float b) {
   return a2 / (a2 + b2);
 }
 
-// The side whose light matters (see Lights::sample).
-Vec3 lit_side(const Bsdf& bsdf, const Vec3& ns, const Vec3& wo) {
+// The side whose light matters (see Lights::sample). The geometric normal decides, as in Bsdf: with a shading normal
+// that leans far from it, light from below the shading horizon is reflected too.
+Vec3 lit_side(const Bsdf& bsdf, const Vec3& ng, const Vec3& wo) {
   for (int i = 0; i < bsdf.lobe_count(); ++i)
     if (bsdf.lobe(i).transmits || bsdf.lobe(i).kind == LobeKind::microfacet_dielectric) return Vec3(0.f);
-  return glm::dot(ns, wo) < 0.f ? -ns : ns;
+  return glm::dot(ng, wo) < 0.f ? -ng : ng;
 }
 
 }  // namespace
@@ -221,7 +222,8 @@ void PathTracer::Shader::direct(const SurfacePoint& p, const Vec3& side, const B
   float pdf = 0;
   const Rgb f = bsdf.eval_cos(wo, sample.wi, pdf);
   if (is_black(f)) return;
-  const float weight = sample.delta ? 1.f : power_weight(sample.pdf, pdf);
+  if (tracer.even_lobes_) pdf = bsdf.even_pdf(wo, sample.wi);
+  const float weight = sample.delta ? 1.f : power_weight(sample.weight_pdf, pdf);
   ++out.counts.shadow;
   const Vec3 origin = offset_ray_origin(p.p, p.p_error, p.ng, sample.wi);
   shadow({origin, sample.wi, sample.distance < 1e18f ? sample.distance * kShadowEnd : 1e18f},
@@ -265,7 +267,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const SampleSequence sequence(job.sequence, job.seed, s.pixel, s.sample);
   const std::uint32_t base = kCameraDimensions + kVertexDimensions * s.vertex;
   const bool lit = bsdf.has_smooth() && !tracer.lights_->empty();
-  const Vec3 side = lit_side(bsdf, p.ns, wo);
+  const Vec3 side = lit_side(bsdf, p.ng, wo);
   if (lit) direct(p, side, bsdf, wo, sequence, base);
 
   const Vec2 choice = sequence.get_2d(base + kLobeAndRoulette);
@@ -301,7 +303,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     s.flags = static_cast<std::uint16_t>((s.flags & ~kSpecularBounce) | kAnyNonSpecular);
     // As in pbrt, textures seen by light that has scattered are not filtered.
     s.cone_width = s.cone_spread = 0;
-    s.previous_pdf = sample.pdf;
+    s.previous_pdf = tracer.even_lobes_ ? bsdf.even_pdf(wo, sample.wi) : sample.pdf;
   }
   s.previous_normal = side;
   next(p, sample.wi);

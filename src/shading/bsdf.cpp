@@ -254,6 +254,14 @@ float Bsdf::pdf(const Vec3& wo, const Vec3& wi) const {
   return pdf;
 }
 
+float Bsdf::even_pdf(const Vec3& wo, const Vec3& wi) const {
+  Bsdf even = *this;
+  float smooth = 0.f;
+  for (int i = 0; i < count_; ++i) smooth += lobe(i).kind < LobeKind::specular_reflection ? 1.f : 0.f;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) even.chance_[i] = {1.f / smooth, 0.5f};
+  return even.pdf(wo, wi);
+}
+
 Rgb Bsdf::eval_cos(const Vec3& wo, const Vec3& wi, float& pdf) const {
   const Vec3 local = frame_.to_local(wi);
   const bool reflect = glm::dot(wi, ng_) * glm::dot(wo, ng_) > 0.f;

@@ -92,6 +92,8 @@ class Bsdf {
   }  // some lobe is not specular: light sampling makes sense
   Rgb eval(const Vec3& wo, const Vec3& wi) const;  // f, without the cosine
   float pdf(const Vec3& wo, const Vec3& wi) const;
+  // As pdf, with even chances of the smooth lobes: what pbrt weighs a light's density against.
+  float even_pdf(const Vec3& wo, const Vec3& wi) const;
   // eval * |cos(ns, wi)| and pdf in one pass: what light sampling needs.
   Rgb eval_cos(const Vec3& wo, const Vec3& wi, float& pdf) const;
   // u_lobe chooses the lobe. Returns false for an absorbed path (weight 0).

@@ -29,6 +29,9 @@ class SceneLights final : public Lights {
 
   bool empty() const override { return emitters_.empty() && !emits_; }
   bool has_infinite() const override { return !infinite_.empty(); }
+  bool has_v2_disk() const override {
+    return std::any_of(emitters_.begin(), emitters_.end(), [&](const Emitter& e) { return is_v2_disk(e); });
+  }
   std::uint64_t bytes() const override {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
                       quadrics_.size() * sizeof(EmissiveQuadric) +
@@ -46,10 +49,14 @@ class SceneLights final : public Lights {
     if (chosen < 0) return false;
     const auto number = static_cast<std::size_t>(chosen);
     if (!sample_emitter(number, p, n, u, out)) return false;
+    out.weight_pdf = out.pdf;
     out.pdf *= chance;
+    if (is_v2_disk(emitters_[number])) return out.pdf > 0.f && out.pdf < kInfinity;
+    out.weight_pdf = out.pdf;
     if (emitters_[number].kind == EmitterKind::infinite && infinite_.size() > 1) {
       // Every infinite light could have given this direction, and all of them shine from there.
       out.radiance = escaped(p, n, out.wi, out.pdf);
+      out.weight_pdf = out.pdf;
     }
     return out.pdf > 0.f && out.pdf < kInfinity;
   }
@@ -105,7 +112,7 @@ class SceneLights final : public Lights {
       default:
         return 0.f;
     }
-    pdf *= choice_.chance(number, p, n);
+    if (!is_v2_disk(e)) pdf *= choice_.chance(number, p, n);
     return pdf < kInfinity ? pdf : 0.f;
   }
 
@@ -113,6 +120,15 @@ class SceneLights final : public Lights {
   struct PrimitiveRange {
     std::uint32_t first = 0, count = 0;  // in by_primitive_
   };
+
+  // A disk of pbrt-v2 samples one side and shows light on the other (make_disk). The two estimates do not add up to
+  // the whole light, so the picture depends on their weights, and these are pbrt-v2's: the light's own density,
+  // without the chance of the light.
+  bool is_v2_disk(const Emitter& e) const {
+    if (e.kind != EmitterKind::quadric || e.two_sided) return false;
+    const Quadric& q = quadrics_[e.index].quadric;
+    return q.kind == QuadricKind::disk && q.inside_out;
+  }
 
   bool sample_emitter(std::size_t number, const Vec3& p, const Vec3& n, const Vec2& u,
                       LightSample& out) const {

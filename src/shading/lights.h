@@ -16,6 +16,8 @@ struct LightSample {
   float distance = 0;  // to the point on the light, or infinity; a shadow ray ends just before it
   Rgb radiance{0};     // emitted towards the point; delta lights: intensity over distance^2, or so
   float pdf = 0;       // by solid angle, times the chance of the light; delta lights: that chance
+  // By solid angle: what weighs against the BSDF's density. As pdf, but for disks of pbrt-v2.
+  float weight_pdf = 0;
   bool delta = false;
 };
 
@@ -35,6 +37,9 @@ class Lights {
   virtual bool empty() const = 0;
   virtual bool has_infinite() const = 0;
   virtual std::uint64_t bytes() const = 0;
+  // There is a disk of pbrt-v2, whose light depends on the weights of the estimates (LightSample::weight_pdf): these
+  // are to be those of pbrt, with Bsdf::even_pdf.
+  virtual bool has_v2_disk() const = 0;
 
   // Chooses a light with u_light and a direction with u. `n` is the shading normal on the side
   // whose light matters: turned towards the viewer for a surface that only reflects, the zero
@@ -54,7 +59,7 @@ class Lights {
   // ng: the surface's geometric normal as in SurfacePoint. pdf: what sample(p, n) has for this
   // direction, p, n being where the ray started. `t` is the distance along the unit direction,
   // `primitive` the source triangle number (any for quadrics). A pdf of 0: the shape is not found
-  // by sample(), all weight is with the ray that hit it.
+  // by sample(), all weight is with the ray that hit it. Disks of pbrt-v2: LightSample::weight_pdf.
   virtual Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2& uv,
                       const Vec3& direction) const = 0;
   virtual float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n,

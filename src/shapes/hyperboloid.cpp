@@ -1,6 +1,6 @@
-// Shape "hyperboloid": the segment p1 (0 0 0), p2 (1 1 1) turned around z by phimax (360). It is
-// the surface of revolution of the whole line for every segment; pbrt's implicit equation is that
-// only for lines nearest to the axis at z = 0.
+// Shape "hyperboloid": the segment p1 (0 0 0), p2 (1 1 1) turned around z by phimax (360). What pbrt renders is another
+// surface, which is that only for lines nearest to the axis at z = 0 (see Profile); its parameters and normals are the
+// turned segment's all the same. miscquads-direct shows it.
 #include "shapes/quadric.h"
 #include "shapes/quadric_builder.h"
 
@@ -15,21 +15,28 @@ DVec3 segment_at(const Quadric& q, double z, double& v) {
   return p1 + v * (p2 - p1);
 }
 
-// r^2 = |a + s z|^2, with a + s z the point of the line at the height z.
+// pbrt's surface of revolution without a term linear in z: r^2 = c0 + c2 z^2 through p2 and p1 + 2 (p2 - p1).
+struct Profile {
+  double c0, c2;
+  explicit Profile(const Quadric& q) {
+    const DVec3 p2(q.p2), step = 2.0 * (p2 - DVec3(q.p1));
+    DVec3 p = DVec3(q.p1) + step;
+    if (p.z * p.z == p2.z * p2.z) p += step;  // the two points say the same
+    c2 = (square(radius_of(p)) - square(radius_of(p2))) / ((p.z - p2.z) * (p.z + p2.z));
+    c0 = square(radius_of(p2)) - c2 * p2.z * p2.z;
+  }
+  double radius2(double z) const { return c0 + c2 * z * z; }
+  double radius(double z) const { return std::sqrt(std::max(0.0, radius2(z))); }
+};
+
 RayEquation equation(const Quadric& q, const DVec3& o, const DVec3& d) {
-  double v;
-  const DVec3 at = segment_at(q, o.z, v);
-  const DVec3 p1(q.p1), p2(q.p2);
-  const double sx = (p2.x - p1.x) / (p2.z - p1.z), sy = (p2.y - p1.y) / (p2.z - p1.z);
-  const double r_line = radius_of(at), r = radius_of(o);
-  return {d.x * d.x + d.y * d.y - (sx * sx + sy * sy) * d.z * d.z,
-          o.x * d.x + o.y * d.y - (at.x * sx + at.y * sy) * d.z, (r - r_line) * (r + r_line)};
+  const Profile k(q);
+  const double r_line = k.radius(o.z), r = radius_of(o);
+  return {d.x * d.x + d.y * d.y - k.c2 * d.z * d.z, o.x * d.x + o.y * d.y - k.c2 * o.z * d.z,
+          k.radius2(o.z) > 0 ? (r - r_line) * (r + r_line) : r * r - k.radius2(o.z)};
 }
 
-DVec3 project(const Quadric& q, const DVec3& p) {
-  double v;
-  return with_radius(p, radius_of(segment_at(q, p.z, v)));
-}
+DVec3 project(const Quadric& q, const DVec3& p) { return with_radius(p, Profile(q).radius(p.z)); }
 
 bool inside(const Quadric& q, const DVec3& p) { return p.z >= q.z_min && p.z <= q.z_max; }
 
@@ -60,7 +67,9 @@ double area(const Quadric& q) {
 }
 
 double max_radius(const Quadric& q) {
-  return std::max(radius_of(DVec3(q.p1)), radius_of(DVec3(q.p2)));
+  const Profile k(q);
+  const double middle = q.z_min < 0 && q.z_max > 0 ? k.radius(0) : 0;
+  return std::max({k.radius(q.z_min), k.radius(q.z_max), middle});
 }
 
 Vec3 finite_point(const ShapeDesc& shape, const char* name, const Vec3& otherwise) {
@@ -83,10 +92,10 @@ ShapeGeometry make_hyperboloid(const ShapeDesc& shape, Dialect dialect, Warnings
   if (q.p1.z == q.p2.z)
     throw SceneError(location_of(shape, "p2"),
                      "p1 and p2 of a hyperboloid must differ in z (use a disk)");
-  if (max_radius(q) == 0)
-    throw SceneError(location_of(shape, "p2"), "p1 and p2 of a hyperboloid are both on the axis");
   q.z_min = std::min(q.p1.z, q.p2.z);
   q.z_max = std::max(q.p1.z, q.p2.z);
+  if (!(max_radius(q) > 0) || max_radius(q) > static_cast<double>(kInfinity))
+    throw SceneError(location_of(shape, "p2"), "p1 and p2 make no hyperboloid");
   return q;
 }
 

@@ -168,6 +168,8 @@ SurfacePoint surface_point(const Quadric& q, bool flip, const Vec3& origin, cons
     s.p_error[i] = 0x1p-23f * std::abs(s.p[i]) + static_cast<float>(1e-14 * magnitude) +
                    std::numeric_limits<float>::min();
   }
+  // Its normal is not that of its surface (see hyperboloid.cpp), and rays are offset along the normal.
+  if (q.kind == QuadricKind::hyperboloid) s.p_error = Vec3(4 * max_component(s.p_error));
 
   const double r = radius_of(p), clearance = kAxisClearance * ops.max_radius(q);
   const double c = r > 0 ? p.x / r : 1, sn = r > 0 ? p.y / r : 0;
