@@ -1,1 +1,4 @@
-cloudrenderer_test(trace_tests LABEL unit SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/trace_resident_test.cpp LINK cr_trace)
+cloudrenderer_test(trace_tests LABEL unit
+  SOURCES ${CMAKE_CURRENT_LIST_DIR}/trace_memory_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/trace_resident_test.cpp
+  LINK cr_trace)

@@ -114,11 +114,14 @@ void PartBuilder::add_quadric(const QuadricRecord& quadric) { quadrics_.push_bac
 void PartBuilder::add_instance(const InstanceRecord& instance) { instances_.push_back(instance); }
 
 std::uint64_t PartBuilder::predicted_bytes() const {
-  return triangles_.size() * (loaded_bytes::kBvhTriangle + sizeof(Triangle)) +
-         (positions_.size() + normals_.size()) * sizeof(Vec3) + uvs_.size() * sizeof(Vec2) +
-         primitive_ids_.size() * sizeof(std::uint32_t) + chunks_.size() * sizeof(MeshChunk) +
-         quadrics_.size() * (loaded_bytes::kBvhUser + sizeof(QuadricRecord)) +
-         instances_.size() * (loaded_bytes::kInstance + sizeof(InstanceRecord));
+  using namespace loaded_bytes;
+  const std::uint64_t vertices = std::min<std::uint64_t>(positions_.size(), 3 * triangles_.size());
+  return kSceneObject + bvh_base(triangles_.size()) + bvh_base(quadrics_.size()) +
+         bvh_base(instances_.size()) + triangles_.size() * (kBvhTriangle + sizeof(Triangle)) +
+         vertices * kBvhTwoVertices / 2 + (positions_.size() + normals_.size()) * sizeof(Vec3) +
+         uvs_.size() * sizeof(Vec2) + primitive_ids_.size() * sizeof(std::uint32_t) +
+         chunks_.size() * sizeof(MeshChunk) + quadrics_.size() * kQuadric +
+         instances_.size() * kInstance;
 }
 
 PartBuilder::Layout PartBuilder::finish() {

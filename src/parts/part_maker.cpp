@@ -25,8 +25,7 @@ PartMaker::PartMaker(const Spool::View& view, std::span<const InstanceRecord> in
           std::clamp<std::uint64_t>(memory / kWorkBytes, 1024, std::uint64_t{1} << 21))) {}
 
 float PartMaker::cost(const Item& item) const {
-  if (item.source == kInstanceItem)
-    return static_cast<float>(loaded_bytes::kInstance + sizeof(InstanceRecord));
+  if (item.source == kInstanceItem) return static_cast<float>(loaded_bytes::kInstance);
   return view_.rows[item.source].item_bytes;
 }
 

@@ -33,6 +33,8 @@ constexpr double kEmissiveBytes = 64 << 20;
 constexpr float kShrinks = 0.25f;
 // Copies of a vertex at the borders of parts come on top of the prediction.
 constexpr double kFill = 0.97;
+// Of a part with triangles only, which most are.
+constexpr std::uint64_t kFixedBytes = loaded_bytes::kSceneObject + loaded_bytes::bvh_base(kNone);
 // A prototype up to this many parts large is one blob.
 constexpr double kLargePrototype = 4;
 // Objects inside objects are copied up to this size, unless a prototype of that size would be cut.
@@ -111,7 +113,12 @@ class SceneSplitter::Work {
   void write_world();
   bool write_part(std::span<Item> items, PartMaker& maker, bool accept_any);
   PartMaker maker() { return {scene_.spool().map(), records_.map(), options_.memory / 4}; }
-  double capacity() const { return kFill * static_cast<double>(options_.part_size); }
+  // Room for triangles, quadrics and instances: less the largest fixed cost, as far as the size
+  // allows.
+  double capacity() const {
+    const auto size = static_cast<double>(options_.part_size);
+    return std::max(size / 2, kFill * size - static_cast<double>(kFixedBytes));
+  }
 
   std::string out_;
   SplitOptions options_;

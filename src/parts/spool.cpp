@@ -28,7 +28,7 @@ float triangle_bytes(std::size_t vertices, std::size_t triangles, bool normals, 
   const double shared = static_cast<double>(vertices) / static_cast<double>(triangles);
   return static_cast<float>(
       static_cast<double>(loaded_bytes::kBvhTriangle + sizeof(Triangle) + sizeof(std::uint32_t)) +
-      std::min(3.0, shared) * vertex);
+      std::min(3.0, shared) * (vertex + 0.5 * static_cast<double>(loaded_bytes::kBvhTwoVertices)));
 }
 
 }  // namespace
@@ -94,7 +94,7 @@ std::uint32_t Spool::add_quadric(ShapeRow& row, const Quadric& quadric) {
   };
   if (row.box.empty() || !bounded(row.box.min) || !bounded(row.box.max)) return kNone;
   row.quadric = static_cast<std::uint32_t>(quadrics_.size());
-  row.item_bytes = static_cast<float>(loaded_bytes::kBvhUser + sizeof(QuadricRecord));
+  row.item_bytes = static_cast<float>(loaded_bytes::kQuadric);
   quadrics_.push_back(quadric);
   rows_.push_back(row);
   return static_cast<std::uint32_t>(rows_.size() - 1);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "parts/part_builder.h"
 #include "shapes/geometry.h"
 
 namespace cloudrenderer {
@@ -141,7 +142,9 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
                           std::ranges::any_of(part_.chunks, [](const MeshChunk& c) { return c.shadow_alpha_texture != kNone; }));
   shared_bytes_ = part_.positions.size_bytes() + part_.normals.size_bytes() + part_.uvs.size_bytes() +
                   part_.triangles.size_bytes() + part_.primitive_ids.size_bytes() + part_.chunks.size_bytes() +
-                  part_.quadrics.size_bytes() + part_.instances.size_bytes();
+                  part_.quadrics.size_bytes() + part_.instances.size_bytes() + loaded_bytes::kSceneObject +
+                  part_.quadrics.size() * sizeof(BoundingSphere) +
+                  part_.instances.size() * loaded_bytes::kInstanceObject;
   const std::uint64_t before = device_->bytes();
   device_->add_shared(static_cast<std::int64_t>(shared_bytes_));
   scene_.reset(rtcNewScene(device_->get()));
@@ -178,6 +181,8 @@ void LoadedPart::add_triangles() {
 
 void LoadedPart::add_quadrics() {
   if (part_.quadrics.empty()) return;
+  static_assert(sizeof(BoundingSphere) == loaded_bytes::kQuadricSphere);
+  around_.reserve(part_.quadrics.size());
   for (const QuadricRecord& record : part_.quadrics) {
     const Bounds3 box = world_bounds(record.quadric);
     BoundingSphere around{box.center(), 0.5f * glm::length(box.diagonal()) * 1.00001f};

@@ -52,7 +52,8 @@ class LoadedPart {
     float radius;
   };
   std::vector<BoundingSphere> around_;  // of each quadric
-  std::uint64_t shared_bytes_ = 0, bytes_ = 0;
+  std::uint64_t shared_bytes_ = 0;  // arrays and objects that Embree's memory monitor does not see
+  std::uint64_t bytes_ = 0;
   SceneHandle scene_;
 };
 
