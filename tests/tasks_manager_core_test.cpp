@@ -325,6 +325,52 @@ TEST(ManagerCore, EndsWithAReasonWhenNoHostCanStart) {
   EXPECT_NE(c.core.error().find("another version"), std::string::npos);
 }
 
+TEST(ManagerCore, GivesToOthersWhatAHostDeclines) {
+  ManagerOptions o;
+  o.min_hosts = 2;
+  JobSpec spec = job();
+  Cluster c(o, spec);
+  std::uint64_t all = 0;
+  for (const PlacementPart& p : spec.parts) all += p.bytes;
+  const std::uint64_t room = spec.parts[0].bytes + (all - spec.parts[0].bytes) * 3 / 4;
+  const HostId a = c.join(room), b = c.join(room);
+  c.listen();
+  // A part that only one of them was to have.
+  std::uint32_t part = 1;
+  while (part < spec.parts.size() && (!c.ordered[a].contains(part) || c.ordered[b].contains(part)))
+    ++part;
+  ASSERT_LT(part, spec.parts.size());
+  c.ordered[a].erase(part);
+  wire::LoadReport r;
+  r.set_job(1);
+  r.set_bytes_used(spec.parts[0].bytes);
+  for (const std::uint32_t p : c.ordered[a]) r.add_loaded(p);
+  r.add_declined(part);
+  c.core.receive(a, r, 0);
+  c.listen();
+  EXPECT_FALSE(c.ordered[a].contains(part));
+  EXPECT_TRUE(c.ordered[b].contains(part));
+  c.report_loaded(b);
+  EXPECT_EQ(c.core.phase(), Phase::rendering);
+}
+
+TEST(ManagerCore, FailsWhenNobodyHasRoomForAPart) {
+  Cluster c;
+  const HostId a = c.join();
+  c.listen();
+  wire::LoadReport r;
+  r.set_job(1);
+  for (const std::uint32_t p : c.ordered[a]) r.add_declined(p);
+  c.core.receive(a, r, 0);
+  EXPECT_NE(c.core.waiting_for(), "");
+  wire::Status s;
+  for (c.now = 0; c.now < 1000 && !c.core.finished(); c.now += 1) {
+    c.core.receive(a, s, c.now);
+    c.core.tick(c.now);
+  }
+  EXPECT_EQ(c.core.phase(), Phase::failed);
+}
+
 TEST(ManagerCore, StopsWithWhatIsOnTheWay) {
   Cluster c({}, job(5, 256, 64));
   const HostId a = c.join();

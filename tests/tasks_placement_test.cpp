@@ -138,6 +138,33 @@ TEST(Placement, GivesNoHostWhatItCannotTrace) {
   EXPECT_TRUE(std::binary_search((*placed)[1].begin(), (*placed)[1].end(), PartId(2)));
 }
 
+TEST(Placement, LeavesRoomForTheBuildThatTakesMost) {
+  auto in = scene(10, kMiB, 1, 13 * kMiB);
+  in.parts[4].build = 2 * kMiB;
+  in.parts[5].build = kMiB;
+  EXPECT_TRUE(place(in));
+  in.hosts[0].memory -= 1;
+  EXPECT_FALSE(place(in));
+}
+
+TEST(Placement, LeavesRoomForTheBuildOfTheMainScene) {
+  auto in = scene(1, kMiB, 2, 4 * kMiB);
+  in.parts[0].build = 3 * kMiB;
+  EXPECT_FALSE(place(in));
+  in.hosts[0].memory = in.hosts[1].memory = 5 * kMiB;
+  EXPECT_TRUE(place(in));
+}
+
+TEST(Placement, AddsNothingToAHostThatHoldsMoreThanItShould) {
+  auto in = scene(4, kMiB, 2, 4 * kMiB);
+  in.hosts[0].memory = 2 * kMiB;  // has become less since
+  in.hosts[0].holds = {PartId(1), PartId(2)};
+  const auto placed = place(in);
+  ASSERT_TRUE(placed) << placed.error();
+  EXPECT_EQ((*placed)[0], in.hosts[0].holds);
+  EXPECT_TRUE(std::binary_search((*placed)[1].begin(), (*placed)[1].end(), PartId(3)));
+}
+
 TEST(Placement, SaysWhatIsMissing) {
   const auto small = place(scene(100, kMiB, 3, 20 * kMiB));
   ASSERT_FALSE(small);

@@ -33,6 +33,7 @@ class NoLoader final : public PartLoader {
  public:
   explicit NoLoader(std::set<std::uint32_t>& resident) : resident_(resident) {}
   std::string start_job(const wire::JobStart&) override { return error; }
+  bool has_room(PartId) const override { return resident_.size() < room; }
   std::string load(PartId p) override {
     resident_.insert(p.value);
     return {};
@@ -42,6 +43,7 @@ class NoLoader final : public PartLoader {
   std::uint64_t bytes_used() const override { return resident_.size(); }
   std::string error;
   bool ended = false;
+  std::size_t room = 1000;
 
  private:
   std::set<std::uint32_t>& resident_;

@@ -37,6 +37,29 @@ TEST(WorkerCore, ReportsThatItIsReadyAndWhatItHolds) {
   EXPECT_EQ(reports[1].second.job(), 7u);
 }
 
+TEST(WorkerCore, DeclinesAPartThatItHasNoRoomFor) {
+  TestHost h(1);
+  h.loader.room = 2;  // the main scene and a part
+  wire::JobStart job;
+  job.set_job(7);
+  job.set_width(8);
+  h.core.receive(kManagerHost, job, 0);
+  wire::LoadParts load;
+  load.add_parts(3);
+  load.add_parts(4);
+  h.core.receive(kManagerHost, load, 0);
+  h.run_loader();
+  EXPECT_EQ(h.core.status().counters().parts_loaded(), 1u);
+  std::vector<std::uint32_t> loaded, declined;
+  for (const auto& [to, report] : only<wire::LoadReport>(h.said())) {
+    EXPECT_EQ(report.error(), "");
+    loaded.insert(loaded.end(), report.loaded().begin(), report.loaded().end());
+    declined.insert(declined.end(), report.declined().begin(), report.declined().end());
+  }
+  EXPECT_EQ(loaded, std::vector<std::uint32_t>{3});
+  EXPECT_EQ(declined, std::vector<std::uint32_t>{4});
+}
+
 TEST(WorkerCore, AloneItFinishesItsTasksWithoutAWordToAnyoneButTheManager) {
   TestHost h(1);
   h.start(kAll, map_of(1, 1, TestHost::kParts, {{1, kAll}}));

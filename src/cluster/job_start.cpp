@@ -4,16 +4,20 @@
 #include <filesystem>
 #include <random>
 
+#include "parts/part_builder.h"
+
 namespace cloudrenderer {
 namespace {
 
 constexpr const char* kMaxDepth = "max_depth";
 constexpr std::uint32_t kLargestFilm = 1u << 16;
 
-PlacementPart placement_part(const PartInfo& info) {
+PlacementPart placement_part(const Manifest& manifest, std::uint32_t part) {
+  const PartInfo& info = manifest.parts[part];
   PlacementPart p;
   p.bytes = info.loaded_bytes;
   p.prototypes = info.prototypes;
+  p.build = build_bytes(manifest, part);
   Bounds3 bounds;
   for (const Bounds3& b : info.boxes) bounds.extend(b);
   if (!bounds.empty()) p.center = bounds.center();
@@ -30,6 +34,16 @@ wire::ColumnSet columns_of(const Manifest& manifest) {
 
 }  // namespace
 
+std::uint64_t build_bytes(const Manifest& manifest, std::uint32_t part) {
+  const PartInfo& info = manifest.parts[part];
+  std::uint64_t bytes = loaded_bytes::build(info.triangles, info.loaded_bytes);
+  for (const std::uint32_t t : info.prototypes) {
+    const PrototypeInfo& p = manifest.prototypes.at(t);
+    bytes = std::max(bytes, loaded_bytes::build(p.triangles, p.loaded_bytes));
+  }
+  return bytes;
+}
+
 JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
                       const JobOverrides& overrides, const std::string& folder,
                       bool shared_folder) {
@@ -38,7 +52,8 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   spec.k = settings.k;
   spec.spp = settings.spp;
   spec.seed = settings.seed;
-  for (const PartInfo& p : manifest.parts) spec.parts.push_back(placement_part(p));
+  for (std::uint32_t p = 0; p < manifest.parts.size(); ++p)
+    spec.parts.push_back(placement_part(manifest, p));
   for (const PrototypeInfo& p : manifest.prototypes) spec.prototype_bytes.push_back(p.loaded_bytes);
   spec.part_features.resize(manifest.parts.size());
 

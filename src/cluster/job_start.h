@@ -8,6 +8,10 @@
 
 namespace cloudrenderer {
 
+// What the build of a part, or of a prototype that it needs, takes beside what they take
+// afterwards: an upper bound.
+std::uint64_t build_bytes(const Manifest& manifest, std::uint32_t part);
+
 // `folder`: of the split; told to the hosts when they share the file system with the manager.
 JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
                       const JobOverrides& overrides, const std::string& folder, bool shared_folder);

@@ -7,7 +7,7 @@
 namespace cloudrenderer {
 
 LocalHost::LocalHost(asio::io_context& io, const Clock& clock, Manager& manager, Config config)
-    : loader_(config.threads, {config.manifest, {}, nullptr}) {
+    : loader_(config.threads, config.memory, {config.manifest, {}, nullptr}) {
   WorkerOptions options;
   options.threads = config.threads;
   options.alpha = config.alpha;

@@ -80,8 +80,8 @@ std::string error_of(F f) {
 
 }  // namespace
 
-SceneLoader::SceneLoader(unsigned build_threads, SceneSources sources)
-    : build_threads_(build_threads), sources_(std::move(sources)) {}
+SceneLoader::SceneLoader(unsigned build_threads, std::uint64_t memory, SceneSources sources)
+    : build_threads_(build_threads), memory_(memory), sources_(std::move(sources)) {}
 SceneLoader::~SceneLoader() = default;
 
 std::unique_ptr<SceneLoader::Scene> SceneLoader::open(const wire::JobStart& job) {
@@ -120,6 +120,10 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
     load_prototypes(*scene, 0);
     scene->tracer = std::make_unique<PathTracer>(
         *scene->manifest, settings, read(*scene, wire::BLOB_PART, 0), *scene->resident, warnings);
+    const std::uint64_t used = scene->resident->bytes() + scene->tracer->shading_bytes();
+    if (used > memory_)
+      throw ClusterError("main scene, textures and lights take " + std::to_string(used >> 20) +
+                         " MiB, and the host may use " + std::to_string(memory_ >> 20) + " MiB");
     const std::lock_guard lock(mutex_);
     scene_ = std::move(scene);
   });
@@ -150,6 +154,18 @@ void SceneLoader::load_prototypes(Scene& scene, std::uint32_t part) {
     if (scene.prototype_uses[p]++ == 0)
       scene.resident->load_prototype(p, read(scene, wire::BLOB_PROTOTYPE, p));
   }
+}
+
+// By what is really resident now, so that a prediction that was too low (or textures, which nobody
+// predicts) makes the host take fewer parts, and not more memory.
+bool SceneLoader::has_room(PartId part) const {
+  const std::shared_ptr<Scene> s = scene();
+  if (!s || part.value >= s->manifest->parts.size()) return true;  // load() says what is wrong
+  const Manifest& m = *s->manifest;
+  std::uint64_t more = m.parts[part.value].loaded_bytes + build_bytes(m, part.value);
+  for (const std::uint32_t p : m.parts[part.value].prototypes)
+    if (s->prototype_uses[p] == 0) more += m.prototypes[p].loaded_bytes;
+  return bytes_used() + more <= memory_;
 }
 
 std::string SceneLoader::load(PartId part) {

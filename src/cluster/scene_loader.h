@@ -24,10 +24,12 @@ struct SceneSources {
 // from one thread.
 class SceneLoader final : public PartLoader {
  public:
-  SceneLoader(unsigned build_threads, SceneSources sources);
+  // `memory`: what parts, prototypes, textures and lights may take, builds included.
+  SceneLoader(unsigned build_threads, std::uint64_t memory, SceneSources sources);
   ~SceneLoader() override;
 
   std::string start_job(const wire::JobStart& job) override;
+  bool has_room(PartId part) const override;
   std::string load(PartId part) override;
   void unload(PartId part) override;
   void end_job() override;
@@ -47,6 +49,7 @@ class SceneLoader final : public PartLoader {
   std::shared_ptr<Scene> scene() const;
 
   const unsigned build_threads_;
+  const std::uint64_t memory_;
   const SceneSources sources_;
   mutable std::mutex mutex_;  // guards the pointer
   std::shared_ptr<Scene> scene_;

@@ -28,7 +28,7 @@ class Worker {
         incarnation_(new_incarnation()),
         fetcher_(std::make_shared<BlobFetcher>(
             [this](wire::Message m) { deliver(kManager, std::move(m)); })),
-        loader_(config.threads, {nullptr, config.parts, fetcher_}) {}
+        loader_(config.threads, config.memory, {nullptr, config.parts, fetcher_}) {}
 
   void run() {
     spawn(join(config_.patience));

@@ -396,6 +396,10 @@ WorkResult execute(PartLoader& loader, Work& work) {
     r.bytes_used = loader.bytes_used();
   } else if (auto* load = std::get_if<LoadWork>(&work.what)) {
     for (const PartId p : load->parts) {
+      if (!loader.has_room(p)) {
+        r.declined.push_back(p);
+        continue;
+      }
       r.error = loader.load(p);
       if (!r.error.empty()) break;
       r.loaded.push_back(p);

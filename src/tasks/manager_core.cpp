@@ -47,10 +47,11 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
           "lets it join");
     bit_exact_ = false;
   }
-  if (can(hello, wire::TRACER) && hello.memory() < main_bytes())
+  const std::uint64_t least = main_bytes() + job_.parts[0].build;
+  if (can(hello, wire::TRACER) && hello.memory() < least)
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +
-                  " MiB, but what every host must hold needs " +
-                  std::to_string((main_bytes() >> 20) + 1) + " MiB");
+                  " MiB, but what every host must hold needs " + std::to_string((least >> 20) + 1) +
+                  " MiB");
   if (!fingerprint_) fingerprint_ = hello.fingerprint();
 
   const HostId id(next_host_++);
@@ -87,7 +88,8 @@ Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const 
   std::vector<std::size_t> kept(job_.parts.size());  // copies that a placement may not move
   for (const auto& [id, h] : hosts_) {
     if ((h.leaving && (!with_leaving || h.released != 0)) || !can(h.hello, wire::TRACER)) continue;
-    PlacementHost host{id, h.hello.memory(), {}, {}};
+    PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen), {}, {}};
+    host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
       if (!drop || kept[p.value]++ == 0) host.holds.push_back(p);
     const auto& features = h.hello.features();
@@ -272,10 +274,18 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
     if (hosts_.empty()) fail(why, now);
     return;
   }
+  if (!h.started) h.unforeseen = m.bytes_used() - std::min(m.bytes_used(), main_bytes());
   h.started = true;
   for (const std::uint32_t p : m.loaded())
     if (h.wanted.contains(PartId(p))) h.holds.insert(PartId(p));
-  check_loaded(now);
+  bool declined = false;
+  for (const std::uint32_t p : m.declined()) {
+    if (h.holds.contains(PartId(p)) || h.wanted.erase(PartId(p)) == 0) continue;
+    h.declined.insert(PartId(p));
+    declined = true;
+  }
+  if (declined) place_all(now);
+  if (!finished()) check_loaded(now);
 }
 
 void ManagerCore::check_loaded(double now) {

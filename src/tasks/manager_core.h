@@ -126,6 +126,9 @@ class ManagerCore {
     std::uint32_t released = 0;  // leaving: epoch from which on it is no holder
     std::set<PartId> holds;      // reported
     std::set<PartId> wanted;     // ordered or held
+    std::set<PartId> declined;   // the host has found no room for them
+    std::uint64_t unforeseen =
+        0;  // bytes of the main scene that no part's prediction has: textures
     bool complete() const { return started && holds.size() == wanted.size(); }
     std::uint64_t outstanding_paths = 0;
     std::uint32_t outstanding_tasks = 0;

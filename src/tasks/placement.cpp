@@ -10,7 +10,6 @@
 namespace cloudrenderer {
 namespace {
 
-constexpr double kBuildReserve = 0.4;  // of the part that is being built, beside the part itself
 constexpr std::size_t kNobody = ~std::size_t{0};
 
 std::string mebibytes(std::uint64_t bytes) {
@@ -42,8 +41,8 @@ class Placer {
     });
   }
 
-  bool fits_main(std::size_t h) const { return hosts_[h].used <= in_.hosts[h].memory; }
-  std::uint64_t used(std::size_t h) const { return hosts_[h].used; }
+  // What every host must hold, while it is built.
+  std::uint64_t main_bytes() const { return cost({}, 0) + in_.parts[0].build; }
 
   // One more copy of every part that has not more than `copy` of them. False if some part found no
   // room.
@@ -71,8 +70,12 @@ class Placer {
   }
 
  private:
+  // Nothing for a host that holds more than it may: its memory has become less.
+  std::uint64_t room(std::size_t h) const {
+    return in_.hosts[h].memory - std::min(in_.hosts[h].memory, hosts_[h].used);
+  }
   struct Host {
-    std::uint64_t used = 0, largest = 0;
+    std::uint64_t used = 0, build = 0;
     std::vector<bool> has, cannot;
     std::set<std::uint32_t> prototypes;
   };
@@ -87,7 +90,7 @@ class Placer {
     Host& host = hosts_[h];
     if (host.has[p]) return;
     host.used += cost(host, p);
-    host.largest = std::max(host.largest, in_.parts[p].bytes);
+    host.build = std::max(host.build, in_.parts[p].build);
     host.prototypes.insert(in_.parts[p].prototypes.begin(), in_.parts[p].prototypes.end());
     host.has[p] = true;
     ++copies_[p];
@@ -95,9 +98,8 @@ class Placer {
   bool can_take(std::size_t h, std::size_t p) const {
     const Host& host = hosts_[h];
     if (host.has[p] || host.cannot[p]) return false;
-    const auto build = static_cast<std::uint64_t>(
-        kBuildReserve * static_cast<double>(std::max(host.largest, in_.parts[p].bytes)));
-    return host.used + cost(host, p) + build <= in_.hosts[h].memory;
+    return host.used + cost(host, p) + std::max(host.build, in_.parts[p].build) <=
+           in_.hosts[h].memory;
   }
   // What a host holds when `copies` of everything are spread by memory, with a little slack.
   bool balanced(std::size_t h, std::size_t p, std::uint32_t copies) const {
@@ -129,10 +131,9 @@ class Placer {
     std::uint64_t most = 0;
     for (std::size_t h = 0; h < hosts_.size(); ++h) {
       if (!can_take(h, p)) continue;
-      const std::uint64_t room = in_.hosts[h].memory - hosts_[h].used;
-      if (best != kNobody && room <= most) continue;
+      if (best != kNobody && room(h) <= most) continue;
       best = h;
-      most = room;
+      most = room(h);
     }
     return best;
   }
@@ -157,12 +158,12 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
     Placer placer(input);
     room = 0;
     for (std::size_t h = 0; h < input.hosts.size(); ++h) {
-      if (!placer.fits_main(h))
+      if (placer.main_bytes() > input.hosts[h].memory)
         return Placement::failure("host " + std::to_string(input.hosts[h].host.value) +
                                   " may use " + mebibytes(input.hosts[h].memory) +
                                   ", but what every host must hold needs " +
-                                  mebibytes(placer.used(h)));
-      room += input.hosts[h].memory - placer.used(h);
+                                  mebibytes(placer.main_bytes()));
+      room += input.hosts[h].memory - placer.main_bytes();
     }
     bool all = true;
     for (std::uint32_t c = 0; c < copies && all; ++c) all = placer.pass(c, neighbours);
@@ -174,7 +175,8 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
   return Placement::failure("the parts need " + mebibytes(needed * copies) + " (" +
                             std::to_string(copies) + (copies == 1 ? " copy" : " copies") +
                             "), the hosts have room for " + mebibytes(room) +
-                            ", less what building the largest part takes on each");
+                            " beside main scene and textures, less what building the largest part "
+                            "takes on each");
 }
 
 }  // namespace cloudrenderer

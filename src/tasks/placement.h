@@ -15,6 +15,7 @@ struct PlacementPart {
   std::uint64_t bytes = 0;  // loaded
   Vec3 center{0.f};
   std::vector<std::uint32_t> prototypes;  // that its instances need: counted once a host
+  std::uint64_t build = 0;                // more, while it or one of its prototypes is being built
 };
 struct PlacementHost {
   HostId host;
@@ -31,8 +32,8 @@ struct PlacementInput {
 };
 // For every host (same order) the parts that it shall hold, part 0 left out, ascending. Fails with
 // a text for people when a host cannot hold the main scene or not every part finds min_replication
-// hosts (or all hosts, if there are fewer). Room is left for the build of the largest part: 0.4
-// times its size.
+// hosts (or all hosts, if there are fewer). Room is left for the build that takes most, whatever is
+// there already when it happens.
 Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input);
 
 }  // namespace cloudrenderer

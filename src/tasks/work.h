@@ -157,7 +157,7 @@ struct WorkResult {
   std::vector<std::pair<std::uint32_t, std::vector<RendererLedger::Run>>> missing;
   std::uint64_t duplicates = 0, unknown = 0;
   // loaders
-  std::vector<PartId> loaded, unloaded;
+  std::vector<PartId> loaded, unloaded, declined;
   std::uint64_t bytes_used = 0;
   std::string error;
 };
@@ -170,6 +170,8 @@ class PartLoader {
   // Fetches the manifest and builds what every host has (main scene, part map, engine). "" or an
   // error.
   virtual std::string start_job(const wire::JobStart& job) = 0;
+  // False when loading the part could take more memory than the host may use: it is declined.
+  virtual bool has_room(PartId) const { return true; }
   // Makes a part traceable (also for batches that run at this moment). "" or an error.
   virtual std::string load(PartId part) = 0;
   virtual void unload(PartId part) = 0;

@@ -327,6 +327,7 @@ void WorkerCore::finish_load(const Work& work, WorkResult& r) {
   report.set_job(work.job);
   for (const PartId p : r.loaded) report.add_loaded(p.value);
   for (const PartId p : r.unloaded) report.add_unloaded(p.value);
+  for (const PartId p : r.declined) report.add_declined(p.value);
   report.set_bytes_used(r.bytes_used);
   report.set_error(r.error);
   send(kManager, std::move(report));

@@ -86,8 +86,10 @@ const char* check(const UnloadParts& m) {
   return all_below(m.parts(), kMaxParts) ? nullptr : "no such part";
 }
 const char* check(const LoadReport& m) {
-  return all_below(m.loaded(), kMaxParts) && all_below(m.unloaded(), kMaxParts) ? nullptr
-                                                                                : "no such part";
+  return all_below(m.loaded(), kMaxParts) && all_below(m.unloaded(), kMaxParts) &&
+                 all_below(m.declined(), kMaxParts)
+             ? nullptr
+             : "no such part";
 }
 
 const char* check(const BlobRequest& m) {

@@ -13,6 +13,9 @@ class SameBits(support.ClusterTest):
             self.assertEqual(different, 0, f"{different} pixels differ from one host's")
             self.assertTrue(report["bit_exact"])
             self.assertEqual(report["invalid_samples"], 0)
+            for host in report["hosts"]:
+                self.assertGreater(host["memory_peak"], 0)
+                self.assertLessEqual(host["memory_peak"], host["memory_budget"], f"{host['name']} went over its budget")
             return report
 
     def test_hosts_replication_threads_and_split(self):
