@@ -1,4 +1,4 @@
-"""The generated landscape: as many triangles as asked for, the same for the same seed, meshes that fit together."""
+"""The generated landscape: at least as many triangles as asked for, the same for the same seed, meshes that fit together."""
 import pathlib
 import re
 import subprocess
@@ -49,7 +49,8 @@ class GenerateScene(unittest.TestCase):
                 self.assertTrue(np.isfinite(points).all())
                 self.assertLessEqual(len(faces), 50_000)
                 total += len(faces)
-            self.assertLess(abs(total - wanted), 0.06 * wanted)
+            self.assertGreaterEqual(total, wanted)
+            self.assertLess(total, 1.08 * wanted)
             self.assertIn(f" {total} distinct triangles", (folder / "scene.pbrt").read_text())
 
     def test_names_every_mesh_once(self):

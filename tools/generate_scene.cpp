@@ -1,4 +1,4 @@
-// generate_scene: a landscape of any number of distinct triangles (hills, rocks, trees of single leaves; no instances)
+// generate_scene: a landscape of at least any number of distinct triangles (hills, rocks, trees of single leaves; no instances)
 // as a pbrt-v3 scene with binary PLY meshes. A tile of the land is made and written at a time, so memory does not grow
 // with the scene. The geometry is a pure function of the options.
 #include <spdlog/fmt/fmt.h>
@@ -128,7 +128,8 @@ Landscape plan(std::uint64_t triangles, std::uint64_t per_file, std::uint64_t se
   land.trees = static_cast<std::uint32_t>(0.35 * budget / (kTrunkTriangles + 2.0 * land.leaves));
   const double rest = budget - land.rocks * static_cast<double>(kRockTriangles) -
                       land.trees * (kTrunkTriangles + 2.0 * land.leaves);
-  land.cells = std::max(1u, static_cast<std::uint32_t>(std::lround(std::sqrt(rest / 2))));
+  // Upwards: at least as many as were asked for.
+  land.cells = std::max(1u, static_cast<std::uint32_t>(std::ceil(std::sqrt(rest / 2))));
   return land;
 }
 
