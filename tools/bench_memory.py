@@ -53,8 +53,8 @@ class Memory:
 
 
 def dropped(host):
-    """How often a host unloaded parts before the end of the job, which is one unloader task itself."""
-    return max(0, host["tasks"]["unloader"] - 1)
+    """How often a host unloaded parts. (Its last counters come before what it does at the end of the job.)"""
+    return host["tasks"]["unloader"]
 
 
 def main():
