@@ -196,6 +196,26 @@ TEST(Quadric, KeepsToTheRangeOfT) {
   EXPECT_FALSE(intersect(q, {0, 0, 0}, {0, 0, -1}, 0.f, kInfinity, hit));
 }
 
+// pbrt's equation has no term linear in z: the surface goes through p2, not through p1.
+TEST(Quadric, HyperboloidsHaveTheRadiusOfPbrt) {
+  Quadric q;
+  q.kind = QuadricKind::hyperboloid;
+  q.p1 = {1, 0, 0};
+  q.p2 = {0.8f, 1, 0.8f};
+  q.z_min = 0;
+  q.z_max = 0.8f;
+  const auto radius_at = [&](float z) {
+    QuadricHit hit;
+    return intersect(q, {5, 0, z}, {-1, 0, 0}, 0, 10, hit) ? 5 - hit.t : -1.f;
+  };
+  // Through p2 and (0.6, 2, 1.6): r^2 = a + c z^2 with 1.64 and 4.36.
+  EXPECT_NEAR(radius_at(0.7999f), std::sqrt(1.64f), 1e-3f);
+  const float c = (4.36f - 1.64f) / (1.6f * 1.6f - 0.8f * 0.8f), a = 1.64f - c * 0.64f;
+  EXPECT_NEAR(radius_at(0.f), std::sqrt(a), 1e-5f);
+  EXPECT_NEAR(radius_at(0.4f), std::sqrt(a + c * 0.16f), 1e-5f);
+  EXPECT_EQ(radius_at(0.81f), -1.f);
+}
+
 TEST(Quadric, ClipsByHeightAndAngle) {
   Quadric q;
   q.z_max = 0.5f;

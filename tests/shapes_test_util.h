@@ -77,10 +77,14 @@ inline Quadric random_quadric(Random& r, QuadricKind kind, double size, bool cli
       q.z_min = clipped ? q.z_max * r.uniformf(0.1, 0.7) : 0.f;
       break;
     case QuadricKind::hyperboloid:
-      q.p1 = static_cast<float>(size) *
-             Vec3(r.uniformf(0.3, 1), r.uniformf(-1, 1), r.uniformf(-1, -0.2));
-      q.p2 = static_cast<float>(size) *
-             Vec3(r.uniformf(-0.2, 1), r.uniformf(0.3, 1), r.uniformf(0.2, 1));
+      // Nearest to the axis at z = 0: only then is pbrt's surface the turned segment's.
+      q.p1 = static_cast<float>(size) * Vec3(r.uniformf(0.3, 1), 0, 0);
+      q.p2 = q.p1;
+      {
+        const Vec3 along = static_cast<float>(size) * Vec3(0, r.uniformf(-1, 1), r.uniformf(0.2, 1));
+        q.p1 -= 0.5f * along;
+        q.p2 += (r.flip() ? 1.f : 0.25f) * along;
+      }
       q.z_min = q.p1.z;
       q.z_max = q.p2.z;
       break;

@@ -63,7 +63,7 @@ def one(args, key, scene, noise, out):
     row = {"scene": key, "spp": args.spp, "wall_s": result.wall, "cpu_s": result.cpu, "pass": False}
     if result.code != 0 or result.report is None:
         return row | {"problem": f"exit code {result.code}: {result.output.strip()[-600:]}"}
-    row["estimated"] = result.report["error"]["estimated_relmse"]
+    row["estimated"] = result.report["error"]["estimated_relmse_trimmed"]
     row["noise"] = noise.get(key)
     row["bound"] = 0.005 if row["noise"] is None else 1.5 * (row["estimated"] + row["noise"])
     row["mean_bound"] = 0.01 if key in NOISY else 0.005

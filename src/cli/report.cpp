@@ -57,7 +57,8 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
     hosts.push_back(report_host(host, o.render_s));
   }
   const auto paths = static_cast<double>(o.paths_done);
-  Json error = {{"estimated_relmse", o.film->estimated_relmse(o.facts.settings.film.scale)}};
+  const Film::ErrorEstimate estimate = o.film->estimated_error(o.facts.settings.film.scale);
+  Json error = {{"estimated_relmse", estimate.relmse}, {"estimated_relmse_trimmed", estimate.trimmed}};
   if (difference) {
     error["relmse"] = difference->relmse;
     error["relmse_trimmed"] = difference->relmse_trimmed;

@@ -1,7 +1,10 @@
 #include "film/film.h"
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 namespace cloudrenderer {
 namespace {
@@ -59,20 +62,48 @@ Image Film::image(float scale) const {
   return out;
 }
 
-double Film::estimated_relmse(float scale) const {
+Film::ErrorEstimate Film::estimated_error(float scale) const {
   const double unit = power_of_two(-k_) * static_cast<double>(scale);
-  double total = 0;
-  std::uint64_t values = 0;
-  for (const PixelSums& s : sums_) {
-    if (s.count[0] == 0 || s.count[1] == 0) continue;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const double d = mean(s.sum[0][i], s.count[0], unit) - mean(s.sum[1][i], s.count[1], unit);
-      const double m = mean(s.sum[0][i] + s.sum[1][i], s.count[0] + s.count[1], unit);
-      total += d * d / 4 / (m * m + 0.01);
+  const std::size_t width = frame_.crop_width(), height = width ? sums_.size() / width : 0;
+  const Image means = image(scale);
+  const auto level = [&](std::size_t x, std::size_t y, int channel) {
+    std::array<float, 5> near;
+    std::size_t n = 0;
+    const auto take = [&](std::size_t at) {
+      if (sums_[at].count[0] + sums_[at].count[1]) near[n++] = means.pixels[at][channel];
+    };
+    const std::size_t at = y * width + x;
+    take(at);
+    if (x > 0) take(at - 1);
+    if (x + 1 < width) take(at + 1);
+    if (y > 0) take(at - width);
+    if (y + 1 < height) take(at + width);
+    const auto middle = near.begin() + static_cast<std::ptrdiff_t>((n - 1) / 2);
+    std::nth_element(near.begin(), middle, near.begin() + static_cast<std::ptrdiff_t>(n));
+    return static_cast<double>(*middle);
+  };
+  std::vector<double> errors;  // of each pixel
+  errors.reserve(sums_.size());
+  for (std::size_t y = 0; y < height; ++y) {
+    for (std::size_t x = 0; x < width; ++x) {
+      const PixelSums& s = sums_[y * width + x];
+      if (s.count[0] == 0 || s.count[1] == 0) continue;
+      double error = 0;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const double d = mean(s.sum[0][i], s.count[0], unit) - mean(s.sum[1][i], s.count[1], unit);
+        const double m = level(x, y, static_cast<int>(i));
+        error += d * d / 4 / (m * m + 0.01) / 3;
+      }
+      errors.push_back(error);
     }
-    values += 3;
   }
-  return values == 0 ? 0 : total / static_cast<double>(values);
+  if (errors.empty()) return {};
+  const auto kept = std::max<std::size_t>(1, errors.size() * 999 / 1000);
+  const auto end = errors.begin() + static_cast<std::ptrdiff_t>(kept);
+  std::nth_element(errors.begin(), end - 1, errors.end());
+  const double trimmed = std::accumulate(errors.begin(), end, 0.0);
+  const double rest = std::accumulate(end, errors.end(), 0.0);
+  return {(trimmed + rest) / static_cast<double>(errors.size()), trimmed / static_cast<double>(kept)};
 }
 
 }  // namespace cloudrenderer

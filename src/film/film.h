@@ -68,9 +68,15 @@ class Film {
   std::span<PixelSums> sums() { return sums_; }
   std::span<const PixelSums> sums() const { return sums_; }
   Image image(float scale) const;  // sum / count * scale, rounded once; black where count is 0
-  // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (mean^2 + 0.01), a
-  // and b the means of the two halves; pixels without both halves are left out; 0 if there is none.
-  double estimated_relmse(float scale) const;
+  // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (m^2 + 0.01), a and
+  // b the means of the two halves, m the median of the pixel's and its four neighbours' means: the
+  // true value that the error is relative to has no fireflies, the pixel's own mean has. Pixels
+  // without both halves are left out; 0 if there is none.
+  double estimated_relmse(float scale) const { return estimated_error(scale).relmse; }
+  struct ErrorEstimate {
+    double relmse = 0, trimmed = 0;  // trimmed: without the worst 0.1 % of the pixels
+  };
+  ErrorEstimate estimated_error(float scale) const;
 
  private:
   FilmFrame frame_;

@@ -31,8 +31,11 @@ float power_weight(float a, float b) {
 }
 
 // The side whose light matters (see Lights::sample). The geometric normal decides, as in Bsdf: with a shading normal
-// that leans far from it, light from below the shading horizon is reflected too.
-Vec3 lit_side(const Bsdf& bsdf, const Vec3& ng, const Vec3& wo) {
+// that leans far from it, light from below the shading horizon is reflected too, and light along the surface strongly:
+// then no side is preferred.
+Vec3 lit_side(const Bsdf& bsdf, const SurfacePoint& p, const Vec3& wo) {
+  const Vec3& ng = p.ng;
+  if (std::fabs(glm::dot(p.ns, ng)) < 0.5f) return Vec3(0.f);
   for (int i = 0; i < bsdf.lobe_count(); ++i)
     if (bsdf.lobe(i).transmits || bsdf.lobe(i).kind == LobeKind::microfacet_dielectric) return Vec3(0.f);
   return glm::dot(ng, wo) < 0.f ? -ng : ng;
@@ -267,7 +270,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const SampleSequence sequence(job.sequence, job.seed, s.pixel, s.sample);
   const std::uint32_t base = kCameraDimensions + kVertexDimensions * s.vertex;
   const bool lit = bsdf.has_smooth() && !tracer.lights_->empty();
-  const Vec3 side = lit_side(bsdf, p.ng, wo);
+  const Vec3 side = lit_side(bsdf, p, wo);
   if (lit) direct(p, side, bsdf, wo, sequence, base);
 
   const Vec2 choice = sequence.get_2d(base + kLobeAndRoulette);
