@@ -17,7 +17,7 @@ PlacementInput scene(std::size_t parts, std::uint64_t bytes, std::size_t hosts,
   for (std::size_t p = 0; p < parts; ++p)
     in.parts.push_back({bytes, Vec3(static_cast<float>(p)), {}});
   for (std::size_t h = 0; h < hosts; ++h)
-    in.hosts.push_back({HostId(static_cast<std::uint32_t>(h + 1)), memory, {}, {}});
+    in.hosts.push_back({HostId(static_cast<std::uint32_t>(h + 1)), memory, 1, {}, {}});
   return in;
 }
 
@@ -55,6 +55,29 @@ TEST(Placement, UsesLeftoverMemoryForMoreCopies) {
   const auto placed = place(in);
   ASSERT_TRUE(placed);
   for (const auto& host : *placed) EXPECT_EQ(host.size(), 10u);
+}
+
+TEST(Placement, SharesTheVisitsAndCopiesTheMostVisited) {
+  // Room for 22 parts, of which each host needs to keep one free: the eight most visited can be on both.
+  auto in = scene(12, 10 * kMiB, 2, 111 * kMiB);
+  for (std::size_t p = 1; p <= 12; ++p) in.parts[p].visits = static_cast<double>(p);
+  for (const double faster : {1.0, 3.0}) {
+    in.hosts[0].speed = faster;
+    const auto placed = place(in);
+    ASSERT_TRUE(placed) << placed.error();
+    expect_within_budgets(in, *placed);
+    const auto n = copies(in, *placed);
+    for (std::size_t p = 5; p <= 12; ++p) EXPECT_EQ(n[p], 2) << p;
+    EXPECT_TRUE(std::all_of(n.begin() + 1, n.end(), [](int c) { return c >= 1; }));
+  }
+  // No room for copies: of 78 visits each host has its share, to one part.
+  for (std::size_t p = 1; p <= 12; ++p) in.parts[p].bytes = 16 * kMiB;
+  in.hosts[0].memory = in.hosts[1].memory = 9 * 16 * kMiB + kMiB;
+  const auto tight = place(in);
+  ASSERT_TRUE(tight) << tight.error();
+  double first = 0;
+  for (const PartId p : (*tight)[0]) first += in.parts[p.value].visits;
+  EXPECT_GT(first, 78 * 0.6);
 }
 
 TEST(Placement, SplitsWhatNoHostCouldHold) {

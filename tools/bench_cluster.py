@@ -95,7 +95,7 @@ def main():
     parser.add_argument("--scene", action="append", type=pathlib.Path, help="measure these scenes instead")
     parser.add_argument("--triangles", type=int, default=10_000_000, help="of the generated scene; 0: without it")
     parser.add_argument("--parts", type=int, default=16)
-    parser.add_argument("--budget", type=float, default=0.6, help="of each of the two hosts, as a share of the whole")
+    parser.add_argument("--budget", type=float, default=0.7, help="of each of the two hosts, as a share of the whole")
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--resolution", default="420x300")

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <random>
 
+#include "film/camera.h"
 #include "parts/part_builder.h"
+#include "parts/part_map.h"
 
 namespace cloudrenderer {
 namespace {
@@ -32,6 +34,33 @@ wire::ColumnSet columns_of(const Manifest& manifest) {
   return columns;
 }
 
+// How often rays will be in each part, as far as the camera tells: a grid of its rays through the parts' boxes, of
+// which each stops half of what enters; and a little everywhere, for what is scattered.
+void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector<PlacementPart>& parts) {
+  constexpr std::uint32_t kGrid = 64;
+  constexpr double kScattered = 0.25;
+  if (parts.size() < 3) return;
+  Warnings unheard;  // the tracer's camera says them
+  const auto camera = Camera::build(manifest.scene.camera, frame, manifest.scene.dialect, unheard);
+  const PartMap map(manifest.parts);
+  std::vector<Candidate> candidates(map.part_count());
+  for (std::uint32_t y = 0; y < kGrid; ++y) {
+    for (std::uint32_t x = 0; x < kGrid; ++x) {
+      const Vec2 at((static_cast<float>(x) + 0.5f) / kGrid, (static_cast<float>(y) + 0.5f) / kGrid);
+      const Vec2 film(static_cast<float>(frame.x0) + at.x * static_cast<float>(frame.crop_width()),
+                      static_cast<float>(frame.y0) + at.y * static_cast<float>(frame.crop_height()));
+      const CameraRay ray = camera->ray(film, Vec2(0.5f));
+      const std::size_t n = map.candidates(ray.origin, ray.direction, kInfinity, candidates);
+      double left = 1;
+      for (std::size_t i = 0; i < std::min(n, candidates.size()); ++i, left *= 0.5) parts[candidates[i].part].visits += left;
+    }
+  }
+  double sum = 0;
+  for (const PlacementPart& p : parts) sum += p.visits;
+  const double scattered = kScattered * (sum > 0 ? sum : 1) / static_cast<double>(parts.size());
+  for (PlacementPart& p : parts) p.visits += scattered;
+}
+
 }  // namespace
 
 std::uint64_t build_bytes(const Manifest& manifest, std::uint32_t part) {
@@ -54,6 +83,7 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   spec.seed = settings.seed;
   for (std::uint32_t p = 0; p < manifest.parts.size(); ++p)
     spec.parts.push_back(placement_part(manifest, p));
+  expect_visits(manifest, settings.film.frame, spec.parts);
   for (const PrototypeInfo& p : manifest.prototypes) spec.prototype_bytes.push_back(p.loaded_bytes);
   spec.part_features.resize(manifest.parts.size());
 

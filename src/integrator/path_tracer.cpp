@@ -35,6 +35,7 @@ class CandidateList {
   std::size_t size() const { return count_; }
   const Candidate& operator[](std::size_t i) const { return first_[i]; }
   bool more() const { return more_; }
+  operator std::span<const Candidate>() const { return {first_, count_}; }  // NOLINT
 
  private:
   std::array<Candidate, kWindow> small_;
@@ -43,6 +44,13 @@ class CandidateList {
   std::size_t count_ = 0;
   bool more_ = false;
 };
+
+// The nearest candidate of the window that is neither tested nor behind the hit.
+PartId untested(std::span<const Candidate> list, const PathSegment& s, const Hit& hit) {
+  for (std::size_t i = 0; i < list.size() && list[i].t_enter <= hit.t; ++i)
+    if (!(s.tested >> i & 1u)) return PartId{list[i].part};
+  return {};
+}
 
 TraceRay ray_of(const PathSegment& s) { return {s.origin, kInfinity, s.direction}; }
 
@@ -135,16 +143,7 @@ PartId PathTracer::trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) c
     s.tested = 0;
   }
   s.best = {hit.t, hit.shape, hit.primitive};
-  return next_remote(set, s, hit);
-}
-
-// The nearest candidate of the window that is neither tested nor behind the hit.
-PartId PathTracer::next_remote(const ResidentSet&, PathSegment& s, const Hit& hit) const {
-  CandidateList list;
-  list.find(map_, s, hit.t);
-  for (std::size_t i = 0; i < list.size() && list[i].t_enter <= hit.t; ++i)
-    if (!(s.tested >> i & 1u)) return PartId{list[i].part};
-  return {};
+  return untested(list, s, hit);
 }
 
 // Eight rays from the camera, nearly alike: packets find the same bits as single rays (tested), faster.
@@ -201,8 +200,14 @@ void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, 
         }
     set.intersect8(part, ray_pointers.data(), hit_pointers.data(), active);
   }
-  // What is left (remote parts, very long lists) is found ray by ray.
-  for (std::size_t i = 0; i < 8; ++i) next[i] = trace_one(set, s[i], hits[i]);
+  for (std::size_t i = 0; i < 8; ++i) {
+    if (counts[i] == kNear) {  // there may be more candidates
+      next[i] = trace_one(set, s[i], hits[i]);
+      continue;
+    }
+    s[i].best = {hits[i].t, hits[i].shape, hits[i].primitive};
+    next[i] = untested(std::span(lists[i]).first(counts[i]), s[i], hits[i]);
+  }
 }
 
 void PathTracer::trace(SegmentBatch& batch) const {

@@ -44,7 +44,6 @@ class PathTracer final : public PathEngine {
   struct Shader;
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
-  PartId next_remote(const ResidentSet& set, PathSegment& s, const Hit& hit) const;
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const;
   void resolve_shadows(const ResidentSet& set, std::vector<Shadow>& shadows, ShadeOutput& out) const;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 
 namespace cloudrenderer {
@@ -19,6 +20,27 @@ Bounds3 widened(const Bounds3& b) {
   if (b.empty()) return {};
   const Vec3 e = kSlack * glm::max(glm::abs(b.min), glm::abs(b.max)) + 1e-30f;
   return {glm::max(b.min - e, Vec3(-kLargest)), glm::min(b.max + e, Vec3(kLargest))};
+}
+
+using Mask = std::int32_t __attribute__((vector_size(32)));  // what comparing lanes gives
+
+// Bit i for each lane i that is set. The loop is one instruction where the processor has it.
+inline std::uint32_t bits(const Mask& m) {
+#ifdef __AVX__
+  return static_cast<std::uint32_t>(__builtin_ia32_movmskps256(reinterpret_cast<const Lanes&>(m)));
+#else
+  std::uint32_t out = 0;
+  for (std::uint32_t i = 0; i < 8; ++i) out |= static_cast<std::uint32_t>(m[i] & 1) << i;
+  return out;
+#endif
+}
+
+inline float smallest(Lanes v) {
+  const auto less = [](const Lanes& x, const Lanes& y) { return x < y ? x : y; };
+  v = less(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
+  v = less(v, __builtin_shufflevector(v, v, 2, 3, 0, 1, 6, 7, 4, 5));
+  v = less(v, __builtin_shufflevector(v, v, 1, 0, 3, 2, 5, 4, 7, 6));
+  return v[0];
 }
 
 // A ray made ready for many box tests. Infinite inverses are clamped, so that no product is NaN.
@@ -152,17 +174,11 @@ std::size_t PartMap::candidates(const Vec3& origin, const Vec3& direction, float
   std::array<std::uint32_t, 96> stack;  // 8^12 parts deep: groups are halves of halves
   std::size_t depth = 0;
   stack[depth++] = root_;
-  std::array<std::uint32_t, kLanes> hit;
   while (depth > 0) {
     const Node& node = nodes_[stack[--depth]];
     const Lanes t = ray.enter(node.min, node.max);
-    std::uint32_t hits = 0;  // children that the ray enters, listed without a branch for each
-    for (std::uint32_t i = 0; i < kLanes; ++i) {
-      hit[hits] = node.child[i];
-      hits += t[i] != kInfinity;
-    }
-    for (std::uint32_t i = 0; i < hits; ++i) {
-      const std::uint32_t child = hit[i];
+    for (std::uint32_t hit = bits(t < kInfinity); hit; hit &= hit - 1) {
+      const std::uint32_t child = node.child[std::countr_zero(hit)];
       if (!(child & kPartBit)) {
         stack[depth++] = child;
         continue;
@@ -171,8 +187,7 @@ std::size_t PartMap::candidates(const Vec3& origin, const Vec3& direction, float
       float nearest = kInfinity;
       for (std::uint32_t n = 0; n < part.count; ++n) {
         const Node& boxes = nodes_[part.first + n];
-        const Lanes b = ray.enter(boxes.min, boxes.max);
-        for (std::uint32_t l = 0; l < kLanes; ++l) nearest = b[l] < nearest ? b[l] : nearest;
+        nearest = std::min(nearest, smallest(ray.enter(boxes.min, boxes.max)));
       }
       if (nearest != kInfinity) insert({part.part, nearest});
     }

@@ -7,6 +7,7 @@ namespace cloudrenderer {
 namespace {
 
 constexpr std::uint32_t kMaxHost = 0xfffe;  // a path's owner has 16 bits
+constexpr std::uint32_t kMostThreads = 4096;  // a host counts as
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
@@ -88,7 +89,8 @@ Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const 
   std::vector<std::size_t> kept(job_.parts.size());  // copies that a placement may not move
   for (const auto& [id, h] : hosts_) {
     if ((h.leaving && (!with_leaving || h.released != 0)) || !can(h.hello, wire::TRACER)) continue;
-    PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen), {}, {}};
+    PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen),
+                       std::clamp<double>(h.hello.threads(), 1, kMostThreads), {}, {}};
     host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
       if (!drop || kept[p.value]++ == 0) host.holds.push_back(p);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <numeric>
 #include <set>
 
 #include "base/random.h"
@@ -28,16 +27,47 @@ class Placer {
       for (const PartId p : in.hosts[h].holds)
         if (p.value != 0) add(h, p.value);
     }
-    total_memory_ = std::accumulate(
-        in.hosts.begin(), in.hosts.end(), 0.0,
-        [](double sum, const PlacementHost& h) { return sum + static_cast<double>(h.memory); });
     for (std::size_t p = 1; p < in.parts.size(); ++p) {
       order_.push_back(p);
-      total_bytes_ += static_cast<double>(in.parts[p].bytes);
+      by_visits_ = by_visits_ || in.parts[p].visits > 0;
     }
+    for (const std::size_t p : order_) total_load_ += load(p);
+    for (std::size_t h = 0; h < hosts_.size(); ++h) total_capacity_ += capacity(h);
     // Largest first, by powers of two, so that parts of about one size keep their spatial order.
     std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
       return std::bit_width(in.parts[a].bytes) > std::bit_width(in.parts[b].bytes);
+    });
+  }
+
+  // Puts the parts with most visits on every host, as far as memory allows beside `copies` of the others: what all
+  // hosts hold needs no moves and balances by itself.
+  void spread_visited(std::uint32_t copies) {
+    if (!by_visits_) return;
+    double free = 0, largest = 0;
+    for (std::size_t h = 0; h < hosts_.size(); ++h) free += static_cast<double>(room(h) - std::min(room(h), hosts_[h].build));
+    for (const std::size_t p : order_) {
+      const double bytes = static_cast<double>(cost({}, p));
+      free -= bytes * copies;
+      largest = std::max(largest, bytes + static_cast<double>(in_.parts[p].build));
+    }
+    free -= largest * static_cast<double>(hosts_.size());  // whole parts do not fill hosts to the brim
+    std::vector<std::size_t> hottest = order_;
+    std::stable_sort(hottest.begin(), hottest.end(),
+                     [&](std::size_t a, std::size_t b) { return in_.parts[a].visits > in_.parts[b].visits; });
+    for (const std::size_t p : hottest) {
+      free -= static_cast<double>(cost({}, p)) * static_cast<double>(hosts_.size() - copies);
+      if (free < 0) return;
+      for (std::size_t h = 0; h < hosts_.size(); ++h)
+        if (can_take(h, p)) add(h, p);
+      total_load_ -= load(p);  // every host's own: nothing to share out
+      for (Host& host : hosts_) host.load -= host.has[p] ? load(p) : 0;
+    }
+  }
+
+  // From here on the parts with most visits come first.
+  void prefer_visited() {
+    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+      return in_.parts[a].visits > in_.parts[b].visits;
     });
   }
 
@@ -76,6 +106,7 @@ class Placer {
   }
   struct Host {
     std::uint64_t used = 0, build = 0;
+    double load = 0;  // of its parts, a part's with several copies in full
     std::vector<bool> has, cannot;
     std::set<std::uint32_t> prototypes;
   };
@@ -92,6 +123,7 @@ class Placer {
     host.used += cost(host, p);
     host.build = std::max(host.build, in_.parts[p].build);
     host.prototypes.insert(in_.parts[p].prototypes.begin(), in_.parts[p].prototypes.end());
+    if (p != 0) host.load += load(p);
     host.has[p] = true;
     ++copies_[p];
   }
@@ -101,14 +133,16 @@ class Placer {
     return host.used + cost(host, p) + std::max(host.build, in_.parts[p].build) <=
            in_.hosts[h].memory;
   }
-  // What a host holds when `copies` of everything are spread by memory, with a little slack.
+  double load(std::size_t p) const {
+    return by_visits_ ? in_.parts[p].visits : static_cast<double>(in_.parts[p].bytes);
+  }
+  double capacity(std::size_t h) const {
+    return by_visits_ ? in_.hosts[h].speed : static_cast<double>(in_.hosts[h].memory);
+  }
+  // With half of the part the host has no more than its share of `copies` of everything.
   bool balanced(std::size_t h, std::size_t p, std::uint32_t copies) const {
-    const double share = static_cast<double>(in_.hosts[h].memory) / std::max(1.0, total_memory_);
-    const double limit =
-        share * total_bytes_ * copies + 0.5 * static_cast<double>(in_.parts[p].bytes);
-    const double here =
-        static_cast<double>(hosts_[h].used) - static_cast<double>(in_.parts[0].bytes);
-    return here + 0.5 * static_cast<double>(in_.parts[p].bytes) <= limit;
+    const double share = capacity(h) / std::max(1e-30, total_capacity_);
+    return hosts_[h].load + 0.5 * load(p) <= share * total_load_ * copies;
   }
   std::size_t choose(std::size_t p, std::uint32_t copy, std::size_t last) const {
     if (last != kNobody && can_take(last, p) && balanced(last, p, copy + 1))
@@ -142,7 +176,8 @@ class Placer {
   std::vector<Host> hosts_;
   std::vector<std::uint32_t> copies_;
   std::vector<std::size_t> order_;
-  double total_memory_ = 0, total_bytes_ = 0;
+  bool by_visits_ = false;
+  double total_capacity_ = 0, total_load_ = 0;
 };
 
 }  // namespace
@@ -154,7 +189,11 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
       std::min<std::size_t>(std::max(1u, input.min_replication), input.hosts.size()));
   std::uint64_t needed = 0, room = 0;
   for (std::size_t p = 1; p < input.parts.size(); ++p) needed += input.parts[p].bytes;
-  for (const bool neighbours : {true, false}) {
+  // From the best to what finds room most surely.
+  struct Way {
+    bool spread, neighbours;
+  };
+  for (const auto [spread, neighbours] : {Way{true, true}, Way{false, true}, Way{false, false}}) {
     Placer placer(input);
     room = 0;
     for (std::size_t h = 0; h < input.hosts.size(); ++h) {
@@ -165,10 +204,12 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
                                   mebibytes(placer.main_bytes()));
       room += input.hosts[h].memory - placer.main_bytes();
     }
+    if (spread) placer.spread_visited(copies);
     bool all = true;
     for (std::uint32_t c = 0; c < copies && all; ++c) all = placer.pass(c, neighbours);
     if (!all) continue;
     // What is left of the memory saves moves.
+    placer.prefer_visited();
     for (auto c = copies; c < input.hosts.size(); ++c) placer.pass(c, neighbours);
     return placer.result();
   }

@@ -16,10 +16,12 @@ struct PlacementPart {
   Vec3 center{0.f};
   std::vector<std::uint32_t> prototypes;  // that its instances need: counted once a host
   std::uint64_t build = 0;                // more, while it or one of its prototypes is being built
+  double visits = 0;  // how often rays are expected in it, in any unit, >= 0; all 0: not known
 };
 struct PlacementHost {
   HostId host;
   std::uint64_t memory = 0;
+  double speed = 1;            // > 0, in any unit: its share of the visits
   std::vector<PartId> holds;   // stay where they are: a placement only adds
   std::vector<PartId> cannot;  // parts whose features the host lacks
 };
@@ -32,7 +34,9 @@ struct PlacementInput {
 };
 // For every host (same order) the parts that it shall hold, part 0 left out, ascending. Fails with
 // a text for people when a host cannot hold the main scene or not every part finds min_replication
-// hosts (or all hosts, if there are fewer). Room is left for the build that takes most, whatever is
+// hosts (or all hosts, if there are fewer). The parts with most visits come to every host, as far as memory
+// allows; of the others, spatial neighbours to the same host until it has its share of the visits (of
+// the bytes, where visits are not known). Memory that is left takes more copies. Room is left for the build that takes most, whatever is
 // there already when it happens.
 Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input);
 
