@@ -78,9 +78,10 @@ Film::ErrorEstimate Film::estimated_error(float scale) const {
     if (x + 1 < width) take(at + 1);
     if (y > 0) take(at - width);
     if (y + 1 < height) take(at + width);
+    const float brightest = n > 1 ? *std::max_element(near.begin() + 1, near.begin() + static_cast<std::ptrdiff_t>(n)) : 0.f;
     const auto middle = near.begin() + static_cast<std::ptrdiff_t>((n - 1) / 2);
     std::nth_element(near.begin(), middle, near.begin() + static_cast<std::ptrdiff_t>(n));
-    return static_cast<double>(*middle);
+    return static_cast<double>(std::max(*middle, 0.02f * brightest));
   };
   std::vector<double> errors;  // of each pixel
   errors.reserve(sums_.size());
@@ -90,8 +91,8 @@ Film::ErrorEstimate Film::estimated_error(float scale) const {
       if (s.count[0] == 0 || s.count[1] == 0) continue;
       double error = 0;
       for (std::size_t i = 0; i < 3; ++i) {
-        const double d = mean(s.sum[0][i], s.count[0], unit) - mean(s.sum[1][i], s.count[1], unit);
-        const double m = level(x, y, static_cast<int>(i));
+        const double a = mean(s.sum[0][i], s.count[0], unit), b = mean(s.sum[1][i], s.count[1], unit);
+        const double d = a - b, m = std::max(level(x, y, static_cast<int>(i)), std::min(a, b));
         error += d * d / 4 / (m * m + 0.01) / 3;
       }
       errors.push_back(error);
