@@ -30,6 +30,40 @@ TEST(SampleSequence, PairsAreStratifiedInEveryElementaryInterval) {
         }
 }
 
+TEST(SampleSequence, GroupsOfPairsAreStratifiedAndUncorrelated) {
+  for (std::uint32_t pixel = 0; pixel < 20; ++pixel)
+    for (std::uint32_t dimension = 0; dimension < 3; ++dimension)
+      for (std::size_t pair = 0; pair < 4; ++pair)
+        for (int log_x = 0; log_x <= 6; ++log_x) {
+          std::array<int, 64> count{};
+          for (std::uint32_t i = 0; i < 64; ++i) {
+            const Vec2 p = SampleSequence(Kind::sobol, 5, pixel, 2 * i + 1).get_pairs(dimension)[pair];
+            ++count[static_cast<unsigned>(p.x * static_cast<float>(1 << log_x)) * (64u >> log_x) +
+                    static_cast<unsigned>(p.y * static_cast<float>(64 >> log_x))];
+          }
+          for (const int c : count) ASSERT_EQ(c, 1) << "pixel " << pixel << " dimension " << dimension << " pair " << pair;
+        }
+  // All numbers of two groups, against each other, over pixels and over the samples of one pixel.
+  constexpr std::uint32_t kCount = 16384;
+  for (const Kind kind : {Kind::sobol, Kind::independent})
+    for (const bool samples : {false, true}) {
+      std::array<std::array<double, 16>, 16> product{};
+      for (std::uint32_t i = 0; i < kCount; ++i) {
+        std::array<double, 16> v;
+        for (std::uint32_t group = 0; group < 2; ++group) {
+          const auto pairs = SampleSequence(kind, 3, samples ? 9 : i, samples ? i : 0).get_pairs(group);
+          for (std::size_t k = 0; k < 8; ++k) v[8 * group + k] = static_cast<double>(pairs.numbers[k]) - 0.5;
+        }
+        for (std::size_t a = 0; a < 16; ++a)
+          for (std::size_t b = 0; b <= a; ++b) product[a][b] += v[a] * v[b] * 12 / kCount;
+      }
+      for (std::size_t a = 0; a < 16; ++a) {
+        EXPECT_NEAR(product[a][a], 1, 0.05);
+        for (std::size_t b = 0; b < a; ++b) EXPECT_NEAR(product[a][b], 0, 0.04) << a << ' ' << b;
+      }
+    }
+}
+
 TEST(SampleSequence, OneDimensionalPointsAreStratified) {
   for (std::uint32_t dimension = 0; dimension < 50; ++dimension) {
     std::array<int, 256> count{};

@@ -11,9 +11,8 @@ namespace cloudrenderer {
 
 namespace {
 
-// Dimensions of the sample sequence: two pairs for the camera, then four pairs a vertex.
-constexpr std::uint32_t kCameraDimensions = 2, kVertexDimensions = 4;
-enum VertexDimension : std::uint32_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
+// What the four pairs of numbers of a vertex are for.
+enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
 constexpr std::uint16_t kMaxPassed = 1000;    // null surfaces in a row of one path: none is endless
 constexpr std::uint32_t kRouletteFrom = 3;    // vertex after which paths are thinned
@@ -101,8 +100,8 @@ struct PathTracer::Shader {
   void end();
   void next(const SurfacePoint& p, const Vec3& direction);
   void occlusion(SurfacePoint& p, const SampleSequence& sequence);
-  void direct(const SurfacePoint& p, const Vec3& side, const Bsdf& bsdf, const Vec3& wo, const SampleSequence& sequence,
-              std::uint32_t base);
+  void direct(const SurfacePoint& p, const Vec3& side, const Bsdf& bsdf, const Vec3& wo,
+              const SampleSequence::Pairs& numbers);
 };
 
 SurfacePoint PathTracer::Shader::surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light,
@@ -206,7 +205,7 @@ void PathTracer::Shader::escape() {
 // One ray of ambient occlusion over the hemisphere (pbrt-v2: uniform, from 0.01 on).
 void PathTracer::Shader::occlusion(SurfacePoint& p, const SampleSequence& sequence) {
   const Vec3 n = glm::dot(p.ng, s.direction) > 0.f ? -p.ng : p.ng;
-  const Vec2 u = sequence.get_2d(kCameraDimensions + kDirection);
+  const Vec2 u = sequence.get_pairs(0)[kDirection];
   const Vec3 w = Frame(n).to_world(tracer.job_.ao_cosine ? sample_cosine_hemisphere(u) : sample_uniform_hemisphere(u));
   ++out.counts.shadow;
   shadow({offset_ray_origin(p.p, p.p_error, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)}, s.throughput);
@@ -215,12 +214,12 @@ void PathTracer::Shader::occlusion(SurfacePoint& p, const SampleSequence& sequen
 
 // Light that arrives from a chosen point of a light, weighted against finding it by the BSDF's sample (Veach 1995).
 void PathTracer::Shader::direct(const SurfacePoint& p, const Vec3& side, const Bsdf& bsdf, const Vec3& wo,
-                                const SampleSequence& sequence, std::uint32_t base) {
+                                const SampleSequence::Pairs& numbers) {
   // From where the next ray starts: the density of the choice must be the same there when that ray finds a light, and
   // it jumps in the plane of an emitter.
   const Vec3 from = offset_ray_origin(p.p, p.p_error, p.ng, side == Vec3(0.f) ? wo : side);
   LightSample sample;
-  if (!tracer.lights_->sample(from, side, sequence.get_1d(base + kLightChoice), sequence.get_2d(base + kLightPoint), sample)) return;
+  if (!tracer.lights_->sample(from, side, numbers[kLightChoice].x, numbers[kLightPoint], sample)) return;
   if (!(sample.pdf > 0.f)) return;
   float pdf = 0;
   const Rgb f = bsdf.eval_cos(wo, sample.wi, pdf);
@@ -267,15 +266,14 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const Footprint print = tracer.footprint_ ? footprint(p, hit.t) : Footprint{};
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, wo, print);
   if (bsdf.empty()) return end();
-  const SampleSequence sequence(job.sequence, job.seed, s.pixel, s.sample);
-  const std::uint32_t base = kCameraDimensions + kVertexDimensions * s.vertex;
+  const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex);
   const bool lit = bsdf.has_smooth() && !tracer.lights_->empty();
   const Vec3 side = lit_side(bsdf, p, wo);
-  if (lit) direct(p, side, bsdf, wo, sequence, base);
+  if (lit) direct(p, side, bsdf, wo, numbers);
 
-  const Vec2 choice = sequence.get_2d(base + kLobeAndRoulette);
+  const Vec2 choice = numbers[kLobeAndRoulette];
   BsdfSample sample;
-  if (!bsdf.sample(wo, choice.x, sequence.get_2d(base + kDirection), sample) || is_black(sample.weight)) return end();
+  if (!bsdf.sample(wo, choice.x, numbers[kDirection], sample) || is_black(sample.weight)) return end();
   s.throughput *= sample.weight;
   if (!is_finite(s.throughput)) {
     ++out.counts.invalid;

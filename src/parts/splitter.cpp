@@ -261,8 +261,16 @@ std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
   for (const ShapeRow& row : rows)
     if (row.prototype == kNone) manifest_.bounds.extend(row.box);
 
+  // One part holds the rest: large shapes are in nobody's way there, and every ray saves a look at the main scene.
+  const PartMaker make = maker();
+  double rest_bytes = 0;
+  for (const Item& i : items_.map()) rest_bytes += make.cost(i);
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].prototype == kNone && !in_main_[r]) rest_bytes += rows[r].bytes();
+  const bool one_part = rest_bytes <= capacity();
+
   Bounds3 scene = manifest_.bounds;
-  for (bool again = true; again;) {
+  for (bool again = !one_part; again;) {
     Bounds3 rest = instance_box_;
     for (std::size_t r = 0; r < rows.size(); ++r) {
       if (rows[r].prototype != kNone || in_main_[r]) continue;

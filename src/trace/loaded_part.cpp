@@ -153,6 +153,7 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
   add_triangles();
   add_quadrics();
   add_instances();
+  few_quadrics_ = part_.triangles.empty() && part_.instances.empty() && part_.quadrics.size() <= 4;
   rtcCommitScene(scene_.get());
   device_->check("build");
   const std::uint64_t after = device_->bytes();
@@ -207,22 +208,6 @@ void LoadedPart::add_quadrics() {
   rtcCommitGeometry(g.get());
   rtcAttachGeometryByID(scene_.get(), g.get(), kQuadrics);
   device_->check("quadrics");
-}
-
-bool LoadedPart::surely_misses(std::uint32_t quadric, const Vec3& origin, const Vec3& direction, float t_far) const {
-  const BoundingSphere& s = around_[quadric];
-  const Vec3 to_center = s.center - origin;
-  // Rounding of the difference, and of what follows, is far below this.
-  const Vec3 size = glm::abs(s.center) + glm::abs(origin);
-  const float radius = s.radius + 2e-6f * (size.x + size.y + size.z);
-  const float length2 = glm::dot(direction, direction);
-  const float nearest = glm::dot(to_center, direction) / length2;
-  const Vec3 off = to_center - nearest * direction;
-  const float half_chord2 = radius * radius - glm::dot(off, off);
-  if (half_chord2 < 0.f) return true;
-  const float half_chord = std::sqrt(half_chord2 / length2);
-  // Written so that NaN (overflow) is no miss.
-  return nearest - half_chord > t_far || nearest + half_chord < 0.f;
 }
 
 void LoadedPart::add_instances() {

@@ -30,6 +30,15 @@ class LoadedPart {
   // the exact one in double.
   bool surely_misses(std::uint32_t quadric, const Vec3& origin, const Vec3& direction, float t_far) const;
 
+  // The part holds a few quadrics and nothing else (a lamp in the main scene): asking whether a ray surely misses them
+  // all is cheaper than asking Embree.
+  bool few_quadrics() const { return few_quadrics_; }
+  bool surely_misses(const TraceRay& ray, float t_far) const {
+    for (std::uint32_t i = 0; i < around_.size(); ++i)
+      if (!surely_misses(i, ray.origin, ray.direction, t_far)) return false;
+    return true;
+  }
+
   // Global ids of a hit in this part; instance: kNone or an index.
   void ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
            std::uint32_t& primitive) const;
@@ -46,7 +55,7 @@ class LoadedPart {
   const AlphaFunction& alpha_;
   Part part_;
   std::vector<std::shared_ptr<const LoadedPart>> prototypes_;  // by prototype number; those the instances need
-  bool has_alpha_ = false;
+  bool has_alpha_ = false, few_quadrics_ = false;
   struct BoundingSphere {
     Vec3 center;
     float radius;
@@ -56,6 +65,22 @@ class LoadedPart {
   std::uint64_t bytes_ = 0;
   SceneHandle scene_;
 };
+
+inline bool LoadedPart::surely_misses(std::uint32_t quadric, const Vec3& origin, const Vec3& direction, float t_far) const {
+  const BoundingSphere& s = around_[quadric];
+  const Vec3 to_center = s.center - origin;
+  // Rounding of the difference, and of what follows, is far below this.
+  const Vec3 size = glm::abs(s.center) + glm::abs(origin);
+  const float radius = s.radius + 2e-6f * (size.x + size.y + size.z);
+  const float length2 = glm::dot(direction, direction);
+  const float nearest = glm::dot(to_center, direction) / length2;
+  const Vec3 off = to_center - nearest * direction;
+  const float half_chord2 = radius * radius - glm::dot(off, off);
+  if (half_chord2 < 0.f) return true;
+  const float half_chord = std::sqrt(half_chord2 / length2);
+  // Written so that NaN (overflow) is no miss.
+  return nearest - half_chord > t_far || nearest + half_chord < 0.f;
+}
 
 // What the filter and the user geometry find behind Embree's context while one query runs.
 struct QueryContext {

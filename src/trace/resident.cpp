@@ -75,10 +75,12 @@ const Part& ResidentSet::prototype(std::uint32_t part, std::uint32_t instance) c
 
 bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit) const {
   const LoadedPart& part = *parts_[part_id];
+  const float t_far = std::min(ray.t_max, reach(hit.t));
+  if (part.few_quadrics() && part.surely_misses(ray, t_far)) return false;
   QueryContext::Lane lane = lane_of(hit);
   QueryContext context = make_context(part, &lane, false);
   RTCRayHit rh;
-  rh.ray = single_ray(ray, std::min(ray.t_max, reach(hit.t)));
+  rh.ray = single_ray(ray, t_far);
   rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(part.scene(), &context.embree, &rh);
@@ -90,6 +92,13 @@ bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit
 void ResidentSet::intersect8(std::uint32_t part_id, const TraceRay* const* rays, Hit* const* hits,
                              std::uint32_t active) const {
   const LoadedPart& part = *parts_[part_id];
+  if (part.few_quadrics()) {
+    for (std::uint32_t left = active; left; left &= left - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(left));
+      if (part.surely_misses(*rays[i], std::min(rays[i]->t_max, reach(hits[i]->t)))) active &= ~(1u << i);
+    }
+    if (!active) return;
+  }
   QueryContext::Lane lanes[8];
   QueryContext context = make_context(part, lanes, true);
   RTCRayHit8 rh;
@@ -112,6 +121,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const TraceRay* const* rays,
 
 bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
   const LoadedPart& part = *parts_[part_id];
+  if (part.few_quadrics() && part.surely_misses(ray, ray.t_max)) return false;
   QueryContext context = make_context(part, nullptr, false);
   RTCRay r = single_ray(ray, ray.t_max);
   rtcOccluded1(part.scene(), &context.embree, &r);
@@ -120,6 +130,13 @@ bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
 
 std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const TraceRay* const* rays, std::uint32_t active) const {
   const LoadedPart& part = *parts_[part_id];
+  if (part.few_quadrics()) {
+    for (std::uint32_t left = active; left; left &= left - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(left));
+      if (part.surely_misses(*rays[i], rays[i]->t_max)) active &= ~(1u << i);
+    }
+    if (!active) return 0;
+  }
   QueryContext context = make_context(part, nullptr, true);
   RTCRay8 r;
   alignas(32) int valid[8];
