@@ -100,28 +100,38 @@ TEST(Split, ASmallSceneIsOnePart) {
 }
 
 TEST(Split, LargeCheapShapesAndLampsStandInTheMainScene) {
-  const TemporaryFolder folder;
-  Feeder feed(folder.path(), 64 << 20);
-  feed.add(sphere({0, 0, 0}, 1000.f));      // the sky, shape 0
-  feed.add(hills(1, {-20, -20, 0}, 40.f));  // the ground that it hides, 1
-  for (int i = 0; i < 100; ++i) feed.add(hills(4, Vec3(i % 10, i / 10, 0), 0.2f));
-  ShapeDesc lamp = sphere({0, 0, 5}, 0.1f);
-  lamp.area_light = AreaLightId(0);
-  feed.add(std::move(lamp));  // 102
-  const Manifest m = feed.finish();
-  const Result<Part> main = read_part_file(part_path(folder.path(), 0));
-  ASSERT_TRUE(main);
-  ASSERT_EQ(main->quadrics.size(), 2u);
-  EXPECT_EQ(main->quadrics[0].shape, 0u);
-  EXPECT_EQ(main->quadrics[0].light, kNone);
-  EXPECT_EQ(main->quadrics[1].shape, 102u);
-  EXPECT_EQ(main->quadrics[1].light, 0u);
-  ASSERT_EQ(main->chunks.size(), 1u);
-  EXPECT_EQ(main->chunks[0].shape, 1u);
-  ASSERT_EQ(m.shape_lights.size(), 1u);
-  EXPECT_EQ(m.shape_lights[0], AreaLightId(0));
-  ASSERT_EQ(m.parts.size(), 2u);
-  EXPECT_EQ(m.parts[1].triangles, 3200u);
+  for (const bool one_part : {false, true}) {
+    const TemporaryFolder folder;
+    Feeder feed(folder.path(), one_part ? 64 << 20 : 100 << 10);
+    feed.add(sphere({0, 0, 0}, 1000.f));      // the sky, shape 0
+    feed.add(hills(1, {-20, -20, 0}, 40.f));  // the ground that it hides, 1
+    for (int i = 0; i < 100; ++i) feed.add(hills(4, Vec3(i % 10, i / 10, 0), 0.2f));
+    ShapeDesc lamp = sphere({0, 0, 5}, 0.1f);
+    lamp.area_light = AreaLightId(0);
+    feed.add(std::move(lamp));  // 102
+    const Manifest m = feed.finish();
+    const Result<Part> main = read_part_file(part_path(folder.path(), 0));
+    ASSERT_TRUE(main);
+    ASSERT_EQ(m.shape_lights.size(), 1u);
+    EXPECT_EQ(m.shape_lights[0], AreaLightId(0));
+    if (one_part) {  // a single part holds large shapes too: rays need not look at them apart
+      ASSERT_EQ(m.parts.size(), 2u);
+      EXPECT_EQ(m.parts[1].triangles, 3202u);
+      ASSERT_EQ(main->quadrics.size(), 1u);
+      EXPECT_EQ(main->quadrics[0].shape, 102u);
+      EXPECT_TRUE(main->triangles.empty());
+      continue;
+    }
+    ASSERT_EQ(main->quadrics.size(), 2u);
+    EXPECT_EQ(main->quadrics[0].shape, 0u);
+    EXPECT_EQ(main->quadrics[0].light, kNone);
+    EXPECT_EQ(main->quadrics[1].shape, 102u);
+    EXPECT_EQ(main->quadrics[1].light, 0u);
+    ASSERT_EQ(main->chunks.size(), 1u);
+    EXPECT_EQ(main->chunks[0].shape, 1u);
+    ASSERT_GT(m.parts.size(), 2u);
+    EXPECT_EQ(m.total_triangles, 3202u);
+  }
 }
 
 TEST(Split, InstancesTakeAsManyShapeIdsAsTheirObjectHasShapes) {

@@ -4,7 +4,7 @@ set -euo pipefail
 
 packages=(
   build-essential cmake ninja-build ccache pkg-config clang-format clang-tidy
-  libembree-dev libopenexr-dev libopenimageio-dev libglm-dev libtbb-dev
+  libembree-dev libopenexr-dev libopenimageio-dev openimageio-tools libglm-dev libtbb-dev
   uuid-dev libasio-dev libprotobuf-dev protobuf-compiler libssl-dev openssl
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
   zlib1g-dev liblz4-dev libzstd-dev libxxhash-dev libboost-dev

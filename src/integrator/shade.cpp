@@ -61,6 +61,7 @@ struct PathTracer::Shader {
   PathSegment s;
   std::uint16_t end_flags = 0;
   std::size_t first_shadow = 0;
+  Vec3 offset;  // of new rays (ray_offset), at the point under work
 
   bool to_fixed(Rgb c, Fixed3& fixed) {
     const float limit = tracer.job_.film.max_sample_luminance;
@@ -171,7 +172,7 @@ void PathTracer::Shader::end() {
 
 // Sends the path on from p.
 void PathTracer::Shader::next(const SurfacePoint& p, const Vec3& direction) {
-  s.origin = offset_ray_origin(p.p, p.p_error, p.ng, direction);
+  s.origin = ray_start(p.p, offset, p.ng, direction);
   s.direction = direction;
   s.best = {};
   s.tested = 0;
@@ -208,7 +209,7 @@ void PathTracer::Shader::occlusion(SurfacePoint& p, const SampleSequence& sequen
   const Vec2 u = sequence.get_pairs(0)[kDirection];
   const Vec3 w = Frame(n).to_world(tracer.job_.ao_cosine ? sample_cosine_hemisphere(u) : sample_uniform_hemisphere(u));
   ++out.counts.shadow;
-  shadow({offset_ray_origin(p.p, p.p_error, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)}, s.throughput);
+  shadow({ray_start(p.p, offset, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)}, s.throughput);
   end();
 }
 
@@ -217,7 +218,7 @@ void PathTracer::Shader::direct(const SurfacePoint& p, const Vec3& side, const B
                                 const SampleSequence::Pairs& numbers) {
   // From where the next ray starts: the density of the choice must be the same there when that ray finds a light, and
   // it jumps in the plane of an emitter.
-  const Vec3 from = offset_ray_origin(p.p, p.p_error, p.ng, side == Vec3(0.f) ? wo : side);
+  const Vec3 from = ray_start(p.p, offset, p.ng, side == Vec3(0.f) ? wo : side);
   LightSample sample;
   if (!tracer.lights_->sample(from, side, numbers[kLightChoice].x, numbers[kLightPoint], sample)) return;
   if (!(sample.pdf > 0.f)) return;
@@ -227,7 +228,7 @@ void PathTracer::Shader::direct(const SurfacePoint& p, const Vec3& side, const B
   if (tracer.even_lobes_) pdf = bsdf.even_pdf(wo, sample.wi);
   const float weight = sample.delta ? 1.f : power_weight(sample.weight_pdf, pdf);
   ++out.counts.shadow;
-  const Vec3 origin = offset_ray_origin(p.p, p.p_error, p.ng, sample.wi);
+  const Vec3 origin = ray_start(p.p, offset, p.ng, sample.wi);
   shadow({origin, sample.wi, sample.distance < 1e18f ? sample.distance * kShadowEnd : 1e18f},
          s.throughput * f * sample.radiance * (weight / sample.pdf));
 }
@@ -237,6 +238,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   std::uint32_t material, light;
   SurfacePoint p = surface(hit, material, light, tracer.shading_->needs_uv());
   const Vec3 wo = -s.direction;
+  offset = ray_offset(p.p, p.p_error, p.ng);
 
   if (job.integrator == IntegratorKind::ambient_occlusion) {
     occlusion(p, SampleSequence(job.sequence, job.seed, s.pixel, s.sample));
@@ -380,7 +382,7 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   const auto set = resident_.snapshot();
   std::vector<Shadow> shadows;
   shadows.reserve(batch.size());
-  Shader shader{*this, *set, out, shadows, {}, 0, 0};
+  Shader shader{*this, *set, out, shadows, {}, 0, 0, Vec3(0.f)};
   for (std::size_t i = 0; i < batch.size(); ++i) {
     shader.s = batch.segments[i];
     shader.end_flags = 0;

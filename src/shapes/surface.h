@@ -22,23 +22,20 @@ inline float next_float_up(float x) {
 }
 inline float next_float_down(float x) { return -next_float_up(-x); }
 
-// A point just outside of the error box of p, on the side of ng to which `direction` points: no ray
-// that starts there finds the surface it comes from (Pharr, Jakob and Humphreys, "Physically Based
-// Rendering", 3rd ed., section 3.9.5).
-inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& p_error, const Vec3& ng,
-                              const Vec3& direction) {
+// What takes p out of its error box along ng, rounding of the sum included: no ray that starts at p + this finds the
+// surface it comes from (Pharr, Jakob and Humphreys, "Physically Based Rendering", 3rd ed., section 3.9.5).
+inline Vec3 ray_offset(const Vec3& p, const Vec3& p_error, const Vec3& ng) {
+  const Vec3 size = glm::abs(p);
   // A plane through a zero coordinate has no rounding error; but Embree accepts hits at a distance of 0.
-  const float least = 0x1p-60f * std::max(std::abs(p.x), std::max(std::abs(p.y), std::abs(p.z))) + 1e-30f;
-  const float distance = std::max(glm::dot(glm::abs(ng), p_error), least);
-  const Vec3 offset = (glm::dot(direction, ng) < 0.f ? -distance : distance) * ng;
-  Vec3 out = p + offset;
-  for (int i = 0; i < 3; ++i) {
-    if (offset[i] > 0.f)
-      out[i] = next_float_up(out[i]);
-    else if (offset[i] < 0.f)
-      out[i] = next_float_down(out[i]);
-  }
-  return out;
+  const float least = 0x1p-60f * (size.x + size.y + size.z) + 1e-30f;
+  return (glm::dot(glm::abs(ng), p_error + 0x1p-23f * size) + least) * ng;
+}
+// Where a ray along `direction` starts: on that side of ng. `offset` as above.
+inline Vec3 ray_start(const Vec3& p, const Vec3& offset, const Vec3& ng, const Vec3& direction) {
+  return glm::dot(direction, ng) < 0.f ? p - offset : p + offset;
+}
+inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& p_error, const Vec3& ng, const Vec3& direction) {
+  return ray_start(p, ray_offset(p, p_error, ng), ng, direction);
 }
 
 // A unit vector along v, also where the squared length leaves the range of floats; the zero vector
