@@ -17,11 +17,11 @@ inline Vec2 sample_disk(const Vec2& u) {
   if (a * a > b * b) {
     r = a;
     phi = (kPi / 4) * (b / a);
-    portable::sincos(phi, s, c);
+    portable::sincos_eighth(phi, s, c);
   } else {
     r = b;
     phi = (kPi / 4) * (a / b);
-    portable::sincos(phi, c, s);  // pi/2 - phi
+    portable::sincos_eighth(phi, c, s);  // pi/2 - phi
   }
   return {r * c, r * s};
 }
@@ -34,14 +34,14 @@ inline Vec3 sample_cosine_hemisphere(const Vec2& u) {
 inline Vec3 sample_uniform_hemisphere(const Vec2& u) {
   const float z = u.x, r = std::sqrt(std::max(0.f, 1.f - z * z));
   float s, c;
-  portable::sincos(2 * kPi * u.y, s, c);
+  portable::sincos_turn(u.y, s, c);
   return {r * c, r * s, z};
 }
 // Density 1/(4 pi).
 inline Vec3 sample_uniform_sphere(const Vec2& u) {
   const float z = 1.f - 2.f * u.x, r = std::sqrt(std::max(0.f, 1.f - z * z));
   float s, c;
-  portable::sincos(2 * kPi * u.y, s, c);
+  portable::sincos_turn(u.y, s, c);
   return {r * c, r * s, z};
 }
 // Barycentrics (b0, b1) of a uniform point of a triangle (Heitz 2019, low distortion).

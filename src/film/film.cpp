@@ -1,7 +1,6 @@
 #include "film/film.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <numeric>
@@ -66,22 +65,18 @@ Film::ErrorEstimate Film::estimated_error(float scale) const {
   const double unit = power_of_two(-k_) * static_cast<double>(scale);
   const std::size_t width = frame_.crop_width(), height = width ? sums_.size() / width : 0;
   const Image means = image(scale);
+  const auto seen = [&](std::size_t at) { return sums_[at].count[0] + sums_[at].count[1] != 0; };
   const auto level = [&](std::size_t x, std::size_t y, int channel) {
-    std::array<float, 5> near;
-    std::size_t n = 0;
-    const auto take = [&](std::size_t at) {
-      if (sums_[at].count[0] + sums_[at].count[1]) near[n++] = means.pixels[at][channel];
-    };
     const std::size_t at = y * width + x;
-    take(at);
-    if (x > 0) take(at - 1);
-    if (x + 1 < width) take(at + 1);
-    if (y > 0) take(at - width);
-    if (y + 1 < height) take(at + width);
-    const float brightest = n > 1 ? *std::max_element(near.begin() + 1, near.begin() + static_cast<std::ptrdiff_t>(n)) : 0.f;
-    const auto middle = near.begin() + static_cast<std::ptrdiff_t>((n - 1) / 2);
-    std::nth_element(near.begin(), middle, near.begin() + static_cast<std::ptrdiff_t>(n));
-    return static_cast<double>(std::max(*middle, 0.02f * brightest));
+    const float own = means.pixels[at][channel];
+    // Beyond the border, and where nothing is yet, the pixel stands for its neighbour.
+    const auto near = [&](bool inside, std::size_t other) { return inside && seen(other) ? means.pixels[other][channel] : own; };
+    const float a = near(x > 0, at - 1), b = near(x + 1 < width, at + 1), c = near(y > 0, at - width),
+                d = near(y + 1 < height, at + width);
+    // The median of five is that of `own`, the larger of the pairs' minima and the smaller of their maxima.
+    const float low = std::max(std::min(a, b), std::min(c, d)), high = std::min(std::max(a, b), std::max(c, d));
+    const float median = std::max(std::min(low, high), std::min(std::max(low, high), own));
+    return static_cast<double>(std::max(median, 0.02f * std::max(std::max(a, b), std::max(c, d))));
   };
   std::vector<double> errors;  // of each pixel
   errors.reserve(sums_.size());

@@ -110,29 +110,6 @@ inline float cosine_power(float s2, float e) {
                                   << 23);
 }
 
-// sin and cos for |r| <= pi/4, absolute error below 1e-7: enough for directions, and half the time
-// of portable::sincos.
-inline void sincos_eighth(float r, float& s, float& c) {
-  const float z = r * r;
-  const float z2 = z * z;
-  s = std::fma(
-      r * z, std::fma(z2, std::fma(z, 1.f / 362880, -1.f / 5040), std::fma(z, 1.f / 120, -1.f / 6)),
-      r);
-  c = std::fma(z, std::fma(z2, std::fma(z, 1.f / 40320, -1.f / 720), std::fma(z, 1.f / 24, -0.5f)),
-               1.f);
-}
-// Of 2 pi x, x in [0, 1]. The reduction is exact.
-inline void sincos_turn(float x, float& s, float& c) {
-  const float quarter = std::nearbyint(4.f * x);
-  float a, b;
-  sincos_eighth((x - 0.25f * quarter) * (2.f * kPi), a, b);
-  const int q = static_cast<int>(quarter) & 3;
-  s = q & 1 ? b : a;
-  c = q & 1 ? a : b;
-  if (q & 2) s = -s;
-  if (q == 1 || q == 2) c = -c;
-}
-
 // Density cos/pi around z by the concentric map (Shirley and Chiu 1997), without unpredictable
 // branches.
 inline Vec3 sample_cosine(const Vec2& u) {
@@ -140,7 +117,7 @@ inline Vec3 sample_cosine(const Vec2& u) {
   const bool first = a * a > b * b;
   const float r = first ? a : b, other = first ? b : a;
   float s, c;
-  sincos_eighth(r != 0.f ? (kPi / 4) * (other / r) : 0.f, s, c);
+  portable::sincos_eighth(r != 0.f ? (kPi / 4) * (other / r) : 0.f, s, c);
   return {r * (first ? c : s), r * (first ? s : c), std::sqrt(std::max(0.f, 1.f - r * r))};
 }
 
@@ -176,7 +153,7 @@ inline Vec3 sample_visible_normal(const Lobe& l, const Vec3& wo, const Vec2& u) 
   // by a uniform point of a spherical cap (Dupuy and Benyoub 2023)
   const Vec3 v = glm::normalize(Vec3(l.alpha_x * wo.x, l.alpha_y * wo.y, wo.z));
   float s, c;
-  sincos_turn(u.y, s, c);
+  portable::sincos_turn(u.y, s, c);
   const float z = (1.f - u.x) * (1.f + v.z) - v.z, r = std::sqrt(std::max(0.f, 1.f - z * z));
   return glm::normalize(
       Vec3(l.alpha_x * (r * c + v.x), l.alpha_y * (r * s + v.y), std::max(1e-6f, z + v.z)));
@@ -186,7 +163,7 @@ inline Vec3 sample_visible_normal(const Lobe& l, const Vec3& wo, const Vec2& u) 
 // Density D * cos.
 inline Vec3 sample_blinn_normal(const Lobe& l, const Vec2& u) {
   float s, c, e = l.alpha_x;
-  sincos_turn(u.y, s, c);
+  portable::sincos_turn(u.y, s, c);
   if (l.distribution == Distribution::blinn_anisotropic) {
     // tan(phi) = sqrt((ex + 2) / (ey + 2)) tan(uniform angle), without the tangent
     c *= std::sqrt(l.alpha_y + 2.f);

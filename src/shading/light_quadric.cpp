@@ -28,7 +28,7 @@ Vec3 sample_cone(const VisibleCone& cone, const Vec3& axis, const Vec2& u, float
   sin2 = x * (2.f - x);
   const float r = std::sqrt(sin2);
   float s, c;
-  portable::sincos(2 * kPi * u.y, s, c);
+  portable::sincos_turn(u.y, s, c);
   return Frame(axis).to_world({r * c, r * s, cosine});
 }
 

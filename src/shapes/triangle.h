@@ -41,7 +41,7 @@ inline Vec3 unit_normal(const Vec3& e0, const Vec3& e1) {
 // side of the shading normal. (Mesh normals already carry their sign, see make_geometry.)
 //   Without `derivatives` the fields dpdu to shading_dpdv stay zero; any frame around ns serves an
 //   isotropic BSDF.
-inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u,
+[[gnu::always_inline]] inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u,
                                    float v, bool derivatives = true) {
   const Vec3 &a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
   const float w = 1.f - u - v;
