@@ -80,7 +80,7 @@ asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLin
   while (link_of(host) == link && !link->connected()) {
     std::string why;
     try {
-      open(co_await connect(io_, address, kAttempt), Handshake::Role::connects);
+      open(co_await connect(io_, address, kAttempt, self_.tls), Handshake::Role::connects);
     } catch (const ClusterError& e) {
       why = e.what();
     }

@@ -23,6 +23,7 @@ class Peers {
     HostId host;
     std::uint64_t incarnation = 0;
     std::string token;
+    std::shared_ptr<const Tls> tls;
   };
   struct Callbacks {
     std::function<void(HostId, wire::Message&&)> received;
