@@ -146,10 +146,14 @@ class TlsStream final : public Stream {
   // Looks at the first bytes, so that a peer without TLS gets to know why it is refused.
   asio::awaitable<void> require_tls() {
     tcp::socket& socket = stream_.next_layer();
-    co_await socket.async_wait(tcp::socket::wait_read, asio::use_awaitable);
     socket.non_blocking(true);
     std::array<unsigned char, 2> head{kHandshakeRecord, kMajorVersion};
-    socket.receive(asio::buffer(head), tcp::socket::message_peek);
+    std::error_code error;
+    do {
+      co_await socket.async_wait(tcp::socket::wait_read, asio::use_awaitable);
+      socket.receive(asio::buffer(head), tcp::socket::message_peek, error);
+    } while (error == asio::error::would_block);
+    if (error) throw std::system_error(error);
     if (head[0] == kHandshakeRecord && head[1] == kMajorVersion) co_return;
     // What is left unread when the socket closes would take the answer with it.
     std::error_code ignored;
