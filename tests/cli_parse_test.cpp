@@ -133,6 +133,8 @@ TEST(CommandLine, WrongUsageIsSaid) {
       {"manager", "a", "--listen", "nowhere"},
       {"worker"},
       {"worker", "--manager", ":7800"},
+      {"worker", "--manager", "a:1", "--tls", "perhaps"},
+      {"worker", "--manager", "a:1", "--token", "on the command line"},
       {"split", "a"},
       {"compare", "a"},
   };
@@ -154,6 +156,21 @@ TEST(CommandLine, WorkerAndManagerFindEachOther) {
   EXPECT_EQ(w.config.manager, (Address{"big", 7800}));
   EXPECT_EQ(w.config.advertise, (Address{"me", 1}));
   EXPECT_EQ(w.config.memory, std::uint64_t{2} << 30);
+}
+
+TEST(CommandLine, EncryptionIsAutomaticUnlessSaid) {
+  const auto mode = [](const std::vector<const char*>& words) {
+    return std::get<WorkerOptionsGiven>(parse(words)).config.tls.mode;
+  };
+  EXPECT_EQ(mode({"worker", "--manager", "a:1"}), TlsMode::automatic);
+  EXPECT_EQ(mode({"worker", "--manager", "a:1", "--tls", "auto"}), TlsMode::automatic);
+  EXPECT_EQ(mode({"worker", "--manager", "a:1", "--tls", "on"}), TlsMode::on);
+  EXPECT_EQ(mode({"worker", "--manager", "a:1", "--tls", "off"}), TlsMode::off);
+  const auto m = std::get<RenderOptions>(parse(
+      {"manager", "a", "--listen", ":1", "--tls-cert", "c", "--tls-key", "k", "--tls-ca", "ca"}));
+  EXPECT_EQ(m.request.tls.certificate, "c");
+  EXPECT_EQ(m.request.tls.key, "k");
+  EXPECT_EQ(m.request.tls.authority, "ca");
 }
 
 TEST(CommandLine, HelpAndVersionAreNoErrors) {

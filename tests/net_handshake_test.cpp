@@ -48,6 +48,25 @@ TEST(Handshake, ACodePlayedBackProvesNothing) {
   EXPECT_FALSE(us.done());
 }
 
+TEST(Handshake, HoldsForOneChannelOnly) {
+  const std::string one(32, '1'), other(32, '2');
+  for (const auto& [left, right, good] :
+       {std::tuple{one, one, true}, {one, other, false}, {one, std::string(), false}}) {
+    Handshake a(Handshake::Role::connects, "secret", left);
+    Handshake b(Handshake::Role::accepts, "secret", right);
+    EXPECT_EQ(talk(a, b), good);
+  }
+}
+
+TEST(Handshake, AnOldProofDoesNotAnswerANewChallenge) {
+  Handshake a(Handshake::Role::connects, "secret"), b(Handshake::Role::accepts, "secret");
+  const Result<Messages> old = a.receive(b.begin()[0]);
+  ASSERT_TRUE(old);
+  EXPECT_TRUE(b.receive((*old)[0]));
+  Handshake later(Handshake::Role::accepts, "secret");
+  EXPECT_FALSE(later.receive((*old)[0]));
+}
+
 TEST(Handshake, ChallengesAreNeverTheSame) {
   const auto nonce = [] {
     return std::get<wire::Challenge>(Handshake(Handshake::Role::accepts, "x").begin()[0]).nonce();

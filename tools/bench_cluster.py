@@ -56,6 +56,8 @@ def bench(args, name, scene):
             f"2 hosts x 1 thread, {count} parts": (parts, "--hosts", 2, "--threads", 1, "--replication", 1,
                                                    "--memory", budget),
         }
+        if args.tls:
+            kinds |= {f"{kind}, TLS": (*command, "--tls", "on") for kind, command in list(kinds.items())[2:]}
         runs = {kind: [] for kind in kinds}
         for _ in range(args.runs):
             for kind, command in kinds.items():
@@ -81,9 +83,13 @@ def bench(args, name, scene):
           f"{f['paths'] / f['cpu_s'] / 1e6:.3f}", f"{base['render_s'] / f['render_s']:.3f}",
           f"{base['cpu_s'] / f['cpu_s']:.3f}", f"{f['bytes_per_path']:.0f}", f"{f['moves_per_path']:.3f}",
           f"{f['asks_per_path']:.3f}", f"{f['busy']:.2f}"] for kind, f in figures.items()])
-    one, split_, two = figures.values()
+    one, split_, two = list(figures.values())[:3]
     print(f"{name}: partition cost (1 part / {count} parts, one host) {one['render_s'] / split_['render_s']:.3f}; "
           f"two hosts against one with the same split {split_['render_s'] / two['render_s']:.3f}", flush=True)
+    if args.tls:
+        tls = list(figures.values())[3]
+        print(f"{name}: samples per second with TLS / without {two['render_s'] / tls['render_s']:.3f}; "
+              f"per processor second {two['cpu_s'] / tls['cpu_s']:.3f}", flush=True)
     return {name: figures}
 
 
@@ -96,6 +102,7 @@ def main():
     parser.add_argument("--triangles", type=int, default=10_000_000, help="of the generated scene; 0: without it")
     parser.add_argument("--parts", type=int, default=16)
     parser.add_argument("--budget", type=float, default=0.7, help="of each of the two hosts, as a share of the whole")
+    parser.add_argument("--tls", action="store_true", help="also two hosts that encrypt what they say")
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--resolution", default="420x300")

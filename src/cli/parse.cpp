@@ -45,7 +45,7 @@ std::uint64_t size_option(const std::string& option, const std::string& text) {
 struct Texts {
   std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop,
       dialect, hosts, threads, min_hosts, replication, lost_after, wait, listen, advertise, manager,
-      alpha, max_relmse, parent;
+      alpha, max_relmse, parent, tls;
 };
 
 void add_log(CLI::App& app, LogOptions& log) {
@@ -132,6 +132,29 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   r.log_level = o.log.level;
 }
 
+void add_tls(CLI::App& app, Texts& t) {
+  app.add_option("--tls", t.tls,
+                 "encrypt connections: on, off, or auto (default: all but those on the loopback)")
+      ->check(CLI::IsMember({"on", "off", "auto"}));
+}
+
+// Of hosts that find each other over a network.
+void add_door(CLI::App& app, Texts& t, std::string& token_file, TlsOptions& tls) {
+  app.add_option("--token-file", token_file,
+                 "file with the cluster's shared secret (default: CLOUDRENDERER_TOKEN, if set)");
+  add_tls(app, t);
+  app.add_option("--tls-cert", tls.certificate,
+                 "this host's certificate chain, PEM (default: one is made at the start)");
+  app.add_option("--tls-key", tls.key, "the key of --tls-cert, PEM");
+  app.add_option("--tls-ca", tls.authority,
+                 "PEM: take only peers whose certificates lead to one of these");
+}
+
+void read_tls(const Texts& t, TlsOptions& tls) {
+  if (t.tls == "on") tls.mode = TlsMode::on;
+  if (t.tls == "off") tls.mode = TlsMode::off;
+}
+
 void add_means(CLI::App& app, Texts& t) {
   app.add_option("--threads", t.threads, "threads of a host (default: all processors)");
   app.add_option("--memory", t.memory,
@@ -152,6 +175,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   CLI::App& render_app = *app.add_subcommand("render", "render a scene on this machine");
   add_render(render_app, render, t, integrator);
   render_app.add_option("--hosts", t.hosts, "worker processes to use (default 1: this process)");
+  add_tls(render_app, t);
   add_means(render_app, t);
 
   CLI::App& manager_app =
@@ -163,8 +187,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   manager_app.add_option("--wait", t.wait, "give up after so many seconds without a worker");
   manager_app.add_option("--lost-after", t.lost_after,
                          "seconds of silence after which a worker is lost (default 10)");
-  manager_app.add_option("--token-file", manager.token_file,
-                         "file with the cluster's shared secret");
+  add_door(manager_app, t, manager.token_file, manager.request.tls);
 
   WorkerOptionsGiven worker;
   CLI::App& worker_app = *app.add_subcommand("worker", "work for a manager");
@@ -175,7 +198,7 @@ Command parse_command_line(int argc, const char* const* argv) {
                         "ADDR:PORT at which the other workers reach this one");
   worker_app.add_option("--name", worker.config.name, "name in reports (default: the machine's)");
   worker_app.add_option("--parts", worker.config.parts, "a copy of the split, to load parts from");
-  worker_app.add_option("--token-file", worker.token_file, "file with the cluster's shared secret");
+  add_door(worker_app, t, worker.token_file, worker.config.tls);
   worker_app.add_option("--wait", t.wait, "seconds to look for the manager (default 30)");
   worker_app.add_option("--alpha", t.alpha, "weight of a host's load against the number of hosts");
   worker_app.add_flag("--allow-inexact", worker.config.allow_inexact,
@@ -222,6 +245,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   if (threads > 1024) throw UsageError("--threads is at most 1024");
   if (render_app.parsed()) {
     read_render(t, integrator, render);
+    read_tls(t, render.request.tls);
     render.request.hosts = t.hosts.empty() ? 1 : at_least<std::uint32_t>("--hosts", t.hosts, 1);
     if (render.request.hosts > 1024) throw UsageError("--hosts is at most 1024");
     render.request.threads = threads;
@@ -231,6 +255,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   }
   if (manager_app.parsed()) {
     read_render(t, integrator, manager);
+    read_tls(t, manager.request.tls);
     manager.request.listen = Address::parse(t.listen);
     if (!t.min_hosts.empty())
       manager.request.min_hosts = at_least<std::uint32_t>("--min-hosts", t.min_hosts, 1);
@@ -241,6 +266,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   }
   if (worker_app.parsed()) {
     WorkerConfig& c = worker.config;
+    read_tls(t, c.tls);
     c.manager = Address::parse(t.manager);
     if (c.manager.host.empty()) throw UsageError("--manager needs a host, got '" + t.manager + "'");
     if (!t.listen.empty()) c.listen = Address::parse(t.listen);

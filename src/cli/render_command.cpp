@@ -72,10 +72,13 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   RenderOptions o = given;
   RenderRequest& request = o.request;
   if (!fs::exists(request.scene)) throw SceneError({}, request.scene + ": there is no such file");
-  if (!o.token_file.empty()) request.token = read_token(o.token_file);
-  if (request.listen && !request.listen->is_loopback() && request.token.empty())
-    spdlog::warn("anybody who reaches {} can join: --token-file keeps strangers out",
-                 request.listen->to_string());
+  if (request.listen) request.token = read_token(o.token_file);
+  if (request.listen && !request.listen->is_loopback() && request.token.empty() &&
+      request.tls.authority.empty())
+    spdlog::warn(
+        "anybody who reaches {} can join: a token (--token-file, CLOUDRENDERER_TOKEN) keeps "
+        "strangers out",
+        request.listen->to_string());
   if (!o.reference.empty()) {
     try {
       request.reference = read_image(o.reference);

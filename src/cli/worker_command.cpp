@@ -11,7 +11,7 @@ namespace cloudrenderer {
 int run_worker_command(const WorkerOptionsGiven& options, Interrupts& interrupts) {
   if (options.parent > 0) die_with_parent(options.parent);
   WorkerConfig config = options.config;
-  if (!options.token_file.empty()) config.token = read_token(options.token_file);
+  config.token = read_token(options.token_file);
   if (config.name.empty()) {
     char name[HOST_NAME_MAX + 1] = {};
     gethostname(name, HOST_NAME_MAX);

@@ -28,7 +28,7 @@ Manager::~Manager() { shut(); }
 
 Address Manager::listen(const Address& address) {
   listener_ = std::make_unique<Listener>(
-      io_, address, [this](std::unique_ptr<Stream> s) { accept(std::move(s)); });
+      io_, address, [this](std::unique_ptr<Stream> s) { accept(std::move(s)); }, config_.tls);
   return listener_->address();
 }
 

@@ -26,7 +26,8 @@ class Manager {
     JobSpec job;
     std::string folder;  // of the split: served to hosts that ask
     std::string token;
-    std::function<void()> changed;  // after everything that may have moved the job on
+    std::shared_ptr<const Tls> tls;  // null: never encrypted
+    std::function<void()> changed;   // after everything that may have moved the job on
   };
   Manager(asio::io_context& io, const Clock& clock, Config config);
   ~Manager();

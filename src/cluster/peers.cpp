@@ -80,7 +80,7 @@ asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLin
   while (link_of(host) == link && !link->connected()) {
     std::string why;
     try {
-      open(co_await connect(io_, address, kAttempt), Handshake::Role::connects);
+      open(co_await connect(io_, address, kAttempt, self_.tls), Handshake::Role::connects, host);
     } catch (const ClusterError& e) {
       why = e.what();
     }
@@ -95,12 +95,14 @@ asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLin
 
 void Peers::accept(std::unique_ptr<Stream> stream) {
   if (sessions_.size() - session_hosts_.size() >= kMaxStrangers) return stream->close();
-  open(std::move(stream), Handshake::Role::accepts);
+  open(std::move(stream), Handshake::Role::accepts, std::nullopt);
 }
 
-void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role) {
+void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role, std::optional<HostId> to) {
   GreetingHandlers h;
-  h.proved = [this](const auto& session) {
+  const auto proved = std::make_shared<bool>(false);
+  h.proved = [this, proved](const auto& session) {
+    *proved = true;
     wire::PeerHello hello;
     hello.set_protocol(wire::kProtocolVersion);
     hello.set_host(self_.host.value);
@@ -109,7 +111,15 @@ void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role) {
   };
   h.introduced = [this](const auto& session, wire::Message&& m) { return introduced(session, m); };
   h.frame = [this](const auto& session, WireFrame f) { receive(session, std::move(f)); };
-  h.closed = [this](const auto& session, const std::string& reason) { closed(session, reason); };
+  h.closed = [this, to, proved](const auto& session, const std::string& reason) {
+    if (!*proved && !reason.empty()) {
+      spdlog::warn("the connection {} {} was closed: {}", to ? "to" : "of", session->peer(),
+                   reason);
+      // Who has another secret, or another --tls, is out of reach like who does not answer.
+      if (to) callbacks_.unreachable(*to);
+    }
+    closed(session, reason);
+  };
   auto session = greet(std::move(stream), role, self_.token, std::move(h));
   const std::lock_guard lock(mutex_);
   sessions_.insert(std::move(session));

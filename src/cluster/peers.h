@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -23,6 +24,7 @@ class Peers {
     HostId host;
     std::uint64_t incarnation = 0;
     std::string token;
+    std::shared_ptr<const Tls> tls;
   };
   struct Callbacks {
     std::function<void(HostId, wire::Message&&)> received;
@@ -42,7 +44,8 @@ class Peers {
     std::uint64_t incarnation = 0;
     std::shared_ptr<PeerLink> link;
   };
-  void open(std::unique_ptr<Stream> stream, Handshake::Role role);
+  // `to`: whom we have called, if it was us.
+  void open(std::unique_ptr<Stream> stream, Handshake::Role role, std::optional<HostId> to);
   asio::awaitable<void> keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address,
                                        bool at_once);
   bool introduced(const std::shared_ptr<Session>& session, const wire::Message& message);

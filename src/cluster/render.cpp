@@ -36,7 +36,9 @@ std::string write_token(const std::string& path) {
 class RenderRun {
  public:
   RenderRun(const RenderRequest& request, const RenderObserver& observer, Interrupts& interrupts)
-      : request_(request), observer_(observer), interrupts_(interrupts), timer_(io_) {}
+      : request_(request), observer_(observer), interrupts_(interrupts), timer_(io_) {
+    if (!in_process()) tls_ = std::make_shared<const Tls>(request.tls);
+  }
 
   RenderOutcome run() {
     open_scene();
@@ -100,6 +102,7 @@ class RenderRun {
     c.job = make_job_spec(*manifest_, facts_.settings, overrides_, folder_, true);
     c.folder = folder_;
     c.token = request_.token;
+    c.tls = tls_;
     c.changed = [this] { changed(); };
     if (!in_process() && !request_.listen) {
       secrets_ = std::make_unique<TemporaryFolder>();
@@ -146,6 +149,7 @@ class RenderRun {
                                          request_.log_level,
                                          "--alpha",
                                          std::to_string(request_.alpha)};
+      if (request_.tls.mode == TlsMode::on) arguments.insert(arguments.end(), {"--tls", "on"});
       children_.start(arguments);
     }
   }
@@ -305,6 +309,7 @@ class RenderRun {
   Clock clock_;
   asio::io_context io_{1};
   asio::steady_timer timer_;
+  std::shared_ptr<const Tls> tls_;
   std::unique_ptr<TemporaryFolder> temporary_, secrets_;
   std::string folder_;
   std::shared_ptr<const Manifest> manifest_;

@@ -11,6 +11,7 @@
 #include "film/film.h"
 #include "integrator/job.h"
 #include "net/address.h"
+#include "net/tls.h"
 #include "parts/split.h"
 #include "tasks/manager_core.h"
 
@@ -27,6 +28,7 @@ struct RenderRequest {
   unsigned threads = 1;      // of a host on this machine
   std::uint64_t memory = 0;  // likewise
   std::string token;
+  TlsOptions tls;
   bool allow_inexact = false;
   float alpha = 0.25f;
   double lost_after_s = 10;

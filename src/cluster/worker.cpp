@@ -25,6 +25,7 @@ class Worker {
  public:
   explicit Worker(const WorkerConfig& config)
       : config_(config),
+        tls_(std::make_shared<const Tls>(config.tls)),
         incarnation_(new_incarnation()),
         fetcher_(std::make_shared<BlobFetcher>(
             [this](wire::Message m) { deliver(kManager, std::move(m)); })),
@@ -64,15 +65,16 @@ class Worker {
   }
 
   asio::awaitable<void> join(std::chrono::duration<double> patience) {
-    auto stream =
-        co_await connect(io_, config_.manager,
-                         std::chrono::duration_cast<std::chrono::steady_clock::duration>(patience));
+    auto stream = co_await connect(
+        io_, config_.manager,
+        std::chrono::duration_cast<std::chrono::steady_clock::duration>(patience), tls_);
     if (!listener_) {
       const Address here = config_.listen.value_or(Address{stream->local().host, 0});
-      listener_ = std::make_unique<Listener>(io_, here, [this](std::unique_ptr<Stream> s) {
+      const auto accept = [this](std::unique_ptr<Stream> s) {
         if (peers_) return peers_->accept(std::move(s));
         s->close();
-      });
+      };
+      listener_ = std::make_unique<Listener>(io_, here, accept, tls_);
       advertised_ = config_.advertise.value_or(listener_->address());
       // Told as it is, an address of all interfaces leads nowhere.
       if (advertised_.host == "0.0.0.0" || advertised_.host == "::")
@@ -122,7 +124,7 @@ class Worker {
     const auto now = [this] { return clock_.now(); };
     manager_ = std::make_shared<PeerLink>(io_, incarnation_, welcome.incarnation(), now);
     peers_ = std::make_unique<Peers>(
-        io_, Peers::Self{self, incarnation_, config_.token}, now,
+        io_, Peers::Self{self, incarnation_, config_.token, tls_}, now,
         Peers::Callbacks{
             [this](HostId from, wire::Message&& m) { node_->receive(from, std::move(m)); },
             [this](HostId peer) { node_->peer_unreachable(peer); },
@@ -163,7 +165,7 @@ class Worker {
     if (manager_session_ == session) manager_session_.reset();
     if (!manager_)
       return end("the manager at " + config_.manager.to_string() + " has ended the connection (" +
-                 reason + "); do both have the same --token-file?");
+                 reason + "); do both have the same token and --tls?");
     manager_->detach(session.get());
     if (job_over_ || node_->left()) return end({});
     spdlog::warn("the connection to the manager has ended: {}", reason);
@@ -211,6 +213,7 @@ class Worker {
   }
 
   const WorkerConfig config_;
+  const std::shared_ptr<const Tls> tls_;
   const std::uint64_t incarnation_;
   Clock clock_;
   asio::io_context io_{1};

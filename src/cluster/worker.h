@@ -6,6 +6,7 @@
 #include <string>
 
 #include "net/address.h"
+#include "net/tls.h"
 #include "tasks/worker_core.h"
 
 namespace cloudrenderer {
@@ -19,6 +20,7 @@ struct WorkerConfig {
   std::string name;
   std::string parts;  // folder to look for parts in before asking the manager
   std::string token;
+  TlsOptions tls;
   bool allow_inexact = false;
   float alpha = 0.25f;  // weight of load in the choice of hosts
   std::chrono::duration<double> patience{

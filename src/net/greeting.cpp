@@ -1,12 +1,21 @@
 #include "net/greeting.h"
 
+#include <optional>
+
 namespace cloudrenderer {
 namespace {
 
 struct Greeting {
-  Handshake handshake;
+  const Handshake::Role role;
+  const std::string secret;
   GreetingHandlers handlers;
+  std::optional<Handshake> handshake{};  // from open() on
   bool proved = false, introduced = false;
+
+  void open(Session& session) {
+    handshake.emplace(role, secret, session.channel_binding());
+    for (const wire::Message& m : handshake->begin()) send_unsequenced(session, m);
+  }
 
   void receive(const std::shared_ptr<Session>& session, WireFrame frame) {
     if (introduced) return handlers.frame(session, std::move(frame));
@@ -14,11 +23,11 @@ struct Greeting {
       return session->close("it acknowledges messages before it has introduced itself");
     Result<wire::Message> message = wire::decode(*frame.payload);
     if (!message) return session->close(message.error());
-    if (!handshake.done()) {
-      Result<std::vector<wire::Message>> answer = handshake.receive(*message);
+    if (!handshake->done()) {
+      Result<std::vector<wire::Message>> answer = handshake->receive(*message);
       if (!answer) return session->close(answer.error());
       for (const wire::Message& m : *answer) send_unsequenced(*session, m);
-      if (handshake.done() && !proved) {
+      if (handshake->done() && !proved) {
         proved = true;
         handlers.proved(session);
       }
@@ -26,7 +35,7 @@ struct Greeting {
     }
     // A challenge may come behind the proof.
     if (std::holds_alternative<wire::Challenge>(*message)) {
-      Result<std::vector<wire::Message>> answer = handshake.receive(*message);
+      Result<std::vector<wire::Message>> answer = handshake->receive(*message);
       if (!answer) return session->close(answer.error());
       for (const wire::Message& m : *answer) send_unsequenced(*session, m);
       return;
@@ -43,8 +52,7 @@ std::shared_ptr<Session> greet(std::unique_ptr<Stream> stream, Handshake::Role r
                                const std::string& secret, GreetingHandlers handlers,
                                const SessionLimits& limits) {
   auto session = std::make_shared<Session>(std::move(stream), limits);
-  auto greeting =
-      std::make_shared<Greeting>(Greeting{Handshake(role, secret), std::move(handlers)});
+  auto greeting = std::make_shared<Greeting>(Greeting{role, secret, std::move(handlers)});
   // The session owns its handlers until it ends; they must not own the session.
   const std::weak_ptr<Session> weak = session;
   session->start({[weak, greeting](WireFrame frame) {
@@ -52,8 +60,10 @@ std::shared_ptr<Session> greet(std::unique_ptr<Stream> stream, Handshake::Role r
                   },
                   [weak, greeting](const std::string& reason) {
                     if (const auto s = weak.lock()) greeting->handlers.closed(s, reason);
+                  },
+                  [weak, greeting] {
+                    if (const auto s = weak.lock()) greeting->open(*s);
                   }});
-  for (const wire::Message& m : greeting->handshake.begin()) send_unsequenced(*session, m);
   return session;
 }
 

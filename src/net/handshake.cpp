@@ -6,6 +6,7 @@
 #include <openssl/rand.h>
 
 #include <array>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -17,10 +18,25 @@ namespace {
 
 constexpr std::size_t kNonceBytes = 32, kMaxNonceBytes = 64;
 
+constexpr const char* kTokenVariable = "CLOUDRENDERER_TOKEN";
+
+std::string hmac_sha256(const std::string& key, const std::string& text) {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
+  unsigned int length = 0;
+  if (HMAC(EVP_sha256(), key.data(), static_cast<int>(key.size()),
+           reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest.data(),
+           &length) == nullptr)
+    throw std::runtime_error("HMAC-SHA256 failed");
+  return {reinterpret_cast<const char*>(digest.data()), length};
+}
+
 }  // namespace
 
-Handshake::Handshake(Role role, std::string secret)
-    : role_(role), secret_(std::move(secret)), nonce_(kNonceBytes, '\0') {
+Handshake::Handshake(Role role, const std::string& secret, const std::string& channel_binding)
+    : role_(role), key_(secret), nonce_(kNonceBytes, '\0') {
+  // A key of its own, not more text: a peer chooses its nonce, and could write a channel into it.
+  if (!secret.empty() && !channel_binding.empty())
+    key_ = hmac_sha256(secret, "tls-exporter" + channel_binding);
   answered_ = role == Role::accepts;
   if (RAND_bytes(reinterpret_cast<unsigned char*>(nonce_.data()),
                  static_cast<int>(nonce_.size())) != 1)
@@ -57,23 +73,25 @@ Result<std::vector<wire::Message>> Handshake::receive(const wire::Message& messa
 }
 
 std::string Handshake::code(Role role, const std::string& nonce) const {
-  if (secret_.empty()) return {};
-  const std::string text = (role == Role::connects ? "connects" : "accepts") + nonce;
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
-  unsigned int length = 0;
-  if (HMAC(EVP_sha256(), secret_.data(), static_cast<int>(secret_.size()),
-           reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest.data(),
-           &length) == nullptr)
-    throw std::runtime_error("HMAC-SHA256 failed");
-  return {reinterpret_cast<const char*>(digest.data()), length};
+  if (key_.empty()) return {};
+  return hmac_sha256(key_, (role == Role::connects ? "connects" : "accepts") + nonce);
 }
 
 std::string read_token(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw UsageError("cannot read the token file " + path);
-  std::string token{std::istreambuf_iterator<char>(in), {}};
+  std::string token, where;
+  if (!path.empty()) {
+    where = "the token file " + path;
+    std::ifstream in(path, std::ios::binary);
+    if (!in) throw UsageError("cannot read " + where);
+    token.assign(std::istreambuf_iterator<char>(in), {});
+  } else if (const char* variable = std::getenv(kTokenVariable)) {
+    where = kTokenVariable;
+    token = variable;
+  } else {
+    return {};
+  }
   const auto first = token.find_first_not_of(" \t\r\n");
-  if (first == std::string::npos) throw UsageError("the token file " + path + " is empty");
+  if (first == std::string::npos) throw UsageError(where + " is empty");
   return token.substr(first, token.find_last_not_of(" \t\r\n") - first + 1);
 }
 

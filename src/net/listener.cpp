@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "net/tls.h"
 
 namespace cloudrenderer {
 
@@ -17,6 +18,7 @@ struct Listener::State {
   asio::io_context& io;
   tcp::acceptor acceptor;
   std::function<void(std::unique_ptr<Stream>)> on_accept;
+  std::shared_ptr<const Tls> tls;
   bool closed = false;
 };
 
@@ -28,8 +30,10 @@ constexpr auto kPauseAfterError = std::chrono::milliseconds(100);
 }  // namespace
 
 Listener::Listener(asio::io_context& io, const Address& address,
-                   std::function<void(std::unique_ptr<Stream>)> on_accept)
+                   std::function<void(std::unique_ptr<Stream>)> on_accept,
+                   std::shared_ptr<const Tls> tls)
     : state_(std::make_shared<State>(io)) {
+  state_->tls = std::move(tls);
   state_->on_accept = std::move(on_accept);
   try {
     tcp::resolver resolver(io);
@@ -50,7 +54,8 @@ Listener::Listener(asio::io_context& io, const Address& address,
           co_await state->acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
       if (state->closed) co_return;
       if (!error) {
-        state->on_accept(make_tcp_stream(std::move(socket)));
+        state->on_accept(state->tls ? state->tls->accepted(std::move(socket))
+                                    : make_tcp_stream(std::move(socket)));
         continue;
       }
       spdlog::warn("cannot accept a connection: {}", error.message());

@@ -6,6 +6,8 @@
 #include <asio/post.hpp>
 #include <vector>
 
+#include "net/tls.h"
+
 namespace cloudrenderer {
 namespace {
 
@@ -46,14 +48,24 @@ void Session::start(Handlers handlers) {
     if (!cancelled && session && !session->trusted_)
       session->finish("it did not introduce itself in time");
   });
-  asio::co_spawn(stream_->executor(), read_frames(), [self](std::exception_ptr error) {
+  asio::co_spawn(stream_->executor(), run(), [self](std::exception_ptr error) {
     if (error) self->finish(reason_of(error));
   });
+}
+
+asio::awaitable<void> Session::run() {
+  co_await stream_->open();
+  if (closing_ || closed_) co_return;
+  channel_binding_ = stream_->channel_binding();
+  if (handlers_.on_open) handlers_.on_open();
+  start_writing();
+  co_await read_frames();
 }
 
 asio::awaitable<void> Session::read_frames() {
   std::vector<std::byte> buffer(kReadBytes);
   std::size_t begin = 0, end = 0;  // bytes read and not yet used
+  bool first = true;
   while (!closing_ && !closed_) {
     while (end - begin < wire::kFrameHeaderBytes) {
       if (begin == end) begin = end = 0;
@@ -67,6 +79,14 @@ asio::awaitable<void> Session::read_frames() {
           co_await stream_->read_some(asio::buffer(buffer.data() + end, buffer.size() - end));
       bytes_received_ += n;
       end += n;
+      if (first && end >= 2) {
+        first = false;
+        if (channel_binding_.empty() && looks_like_tls(std::to_integer<unsigned char>(buffer[0]),
+                                                       std::to_integer<unsigned char>(buffer[1]))) {
+          finish("it speaks TLS, we do not; do both have the same --tls?");
+          co_return;
+        }
+      }
     }
     HeaderBytes head;
     std::copy_n(buffer.begin() + static_cast<std::ptrdiff_t>(begin), head.size(), head.begin());
@@ -120,12 +140,14 @@ void Session::send(WireFrame frame) {
     writing_ = true;
   }
   // Posted: callers may hold locks of their own, and nothing of ours may run inside of them.
-  asio::post(stream_->executor(), [self = shared_from_this()] {
-    asio::co_spawn(self->stream_->executor(), self->write_frames(),
-                   [self](std::exception_ptr error) {
-                     if (error) self->finish(reason_of(error));
-                   });
-  });
+  asio::post(stream_->executor(), [self = shared_from_this()] { self->start_writing(); });
+}
+
+void Session::start_writing() {
+  asio::co_spawn(stream_->executor(), write_frames(),
+                 [self = shared_from_this()](std::exception_ptr error) {
+                   if (error) self->finish(reason_of(error));
+                 });
 }
 
 asio::awaitable<void> Session::write_frames() {

@@ -37,7 +37,8 @@ class Session : public std::enable_shared_from_this<Session> {
   struct Handlers {
     std::function<void(WireFrame)> on_frame;  // on the I/O thread
     std::function<void(const std::string& reason)>
-        on_close;  // why it ended; "" after a close() of our own
+        on_close;                             // why it ended; "" after a close() of our own
+    std::function<void()> on_open = nullptr;  // before all frames; may be left out
   };
 
   Session(std::unique_ptr<Stream> stream, const SessionLimits& limits);
@@ -55,16 +56,20 @@ class Session : public std::enable_shared_from_this<Session> {
   std::uint64_t bytes_sent() const { return bytes_sent_; }
   std::uint64_t bytes_received() const { return bytes_received_; }
   std::uint64_t bytes_queued() const;
+  const std::string& channel_binding() const { return channel_binding_; }  // from on_open on
 
  private:
+  asio::awaitable<void> run();
   asio::awaitable<void> read_frames();
   asio::awaitable<void> write_frames();
+  void start_writing();
   void finish(const std::string& reason);  // on the I/O thread
 
   std::unique_ptr<Stream> stream_;
   const SessionLimits limits_;
   const std::string peer_;
   const Address local_;
+  std::string channel_binding_;
   Handlers handlers_;
   asio::steady_timer timer_;  // of strangers, then of close_when_sent()
   std::atomic<bool> closing_ = false, closed_ = false, trusted_ = false;
@@ -73,7 +78,8 @@ class Session : public std::enable_shared_from_this<Session> {
   mutable std::mutex mutex_;  // guards the queue
   std::deque<WireFrame> queue_;
   std::uint64_t queued_bytes_ = 0;
-  bool writing_ = false, close_when_sent_ = false;
+  bool writing_ = true;  // until the stream is open nothing else may write
+  bool close_when_sent_ = false;
 };
 
 }  // namespace cloudrenderer

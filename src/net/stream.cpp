@@ -9,6 +9,7 @@
 #include <asio/write.hpp>
 
 #include "base/error.h"
+#include "net/tls.h"
 
 namespace cloudrenderer {
 namespace {
@@ -21,18 +22,10 @@ std::string text_of(const tcp::endpoint& e) {
 
 class TcpStream final : public Stream {
  public:
-  explicit TcpStream(tcp::socket socket) : socket_(std::move(socket)) {
-    // A peer may be gone already; then the first read says so.
-    std::error_code ignored;
-    socket_.set_option(tcp::no_delay(true), ignored);
-    socket_.set_option(asio::socket_base::keep_alive(true), ignored);
-    const tcp::endpoint remote = socket_.remote_endpoint(ignored);
-    peer_ = text_of(remote);
-    const tcp::endpoint local = socket_.local_endpoint(ignored);
-    local_ = {local.address().to_string(), local.port()};
-  }
+  explicit TcpStream(tcp::socket socket) : socket_(std::move(socket)), ends_(tcp_ends(socket_)) {}
 
   asio::any_io_executor executor() override { return socket_.get_executor(); }
+  asio::awaitable<void> open() override { co_return; }
   asio::awaitable<std::size_t> read_some(asio::mutable_buffer to) override {
     return socket_.async_read_some(to, asio::use_awaitable);
   }
@@ -44,23 +37,34 @@ class TcpStream final : public Stream {
     socket_.shutdown(tcp::socket::shutdown_both, ignored);
     socket_.close(ignored);
   }
-  std::string peer() const override { return peer_; }
-  Address local() const override { return local_; }
+  std::string channel_binding() override { return {}; }
+  std::string peer() const override { return ends_.peer; }
+  Address local() const override { return ends_.local; }
 
  private:
   tcp::socket socket_;
-  std::string peer_;
-  Address local_;
+  const TcpEnds ends_;
 };
 
 }  // namespace
+
+TcpEnds tcp_ends(tcp::socket& socket) {
+  // A peer may be gone already; then the first read says so.
+  std::error_code ignored;
+  socket.set_option(tcp::no_delay(true), ignored);
+  socket.set_option(asio::socket_base::keep_alive(true), ignored);
+  const tcp::endpoint remote = socket.remote_endpoint(ignored);
+  const tcp::endpoint local = socket.local_endpoint(ignored);
+  return {text_of(remote), {local.address().to_string(), local.port()}};
+}
 
 std::unique_ptr<Stream> make_tcp_stream(tcp::socket socket) {
   return std::make_unique<TcpStream>(std::move(socket));
 }
 
 asio::awaitable<std::unique_ptr<Stream>> connect(asio::io_context& io, Address address,
-                                                 std::chrono::steady_clock::duration patience) {
+                                                 std::chrono::steady_clock::duration patience,
+                                                 std::shared_ptr<const Tls> tls) {
   using namespace std::chrono_literals;
   using Clock = std::chrono::steady_clock;
   constexpr auto kAttempt = 5s;
@@ -83,7 +87,8 @@ asio::awaitable<std::unique_ptr<Stream>> connect(asio::io_context& io, Address a
       co_await asio::async_connect(*socket, found,
                                    asio::redirect_error(asio::use_awaitable, error));
       attempt.cancel();
-      if (!error && socket->is_open()) co_return make_tcp_stream(std::move(*socket));
+      if (!error && socket->is_open())
+        co_return tls ? tls->connected(std::move(*socket)) : make_tcp_stream(std::move(*socket));
       if (!error) error = asio::error::timed_out;
     }
     if (Clock::now() + pause >= deadline)

@@ -30,10 +30,11 @@ class Processes(support.ClusterTest):
         _, report = self.render("probe", self.scene, "--spp", 8, "--resolution", SIZE, "--threads", 2)
         return max(16, min(4096, int(8 * seconds / max(report["time"]["render_s"], 0.01))))
 
-    def start_cluster(self, spp, workers, *options, memory=MEMORY):
+    def start_cluster(self, spp, workers, *options, memory=MEMORY, worker_options=()):
         manager = self.start_manager(self.scene, self.out, self.ports[0], "--spp", spp, "--resolution", SIZE,
                                      "--min-hosts", workers, "--quiet", *options)
-        started = [self.start_worker(f"worker{k}", self.ports[0], self.ports[1 + k], memory) for k in range(workers)]
+        started = [self.start_worker(f"worker{k}", self.ports[0], self.ports[1 + k], memory, *worker_options)
+                   for k in range(workers)]
         return manager, started
 
     def finish(self, manager, seconds=90):
@@ -97,8 +98,14 @@ class Processes(support.ClusterTest):
         self.assert_none_left()
 
     def test_garbage_on_the_ports_changes_nothing(self):
+        self.garbage()
+
+    def test_garbage_on_encrypted_ports_changes_nothing(self):
+        self.garbage("--tls", "on")
+
+    def garbage(self, *tls):
         spp = self.spp_for(5)
-        manager, workers = self.start_cluster(spp, 2)
+        manager, workers = self.start_cluster(spp, 2, *tls, worker_options=tls)
         self.wait_until_all_joined(self.ports[0], 2)
         done = threading.Event()
         sent = []
@@ -106,6 +113,7 @@ class Processes(support.ClusterTest):
         def stranger():
             noise = random.Random(4)
             kinds = [lambda: b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", lambda: b"\xff" * 4096, lambda: b"\0" * 64,
+                     lambda: b"\x16\x03\x01" + noise.randbytes(600),
                      lambda: noise.randbytes(noise.randrange(1, 100_000)), lambda: b""]
             while not done.is_set():
                 for port in self.ports[:3]:
