@@ -50,14 +50,15 @@ void Checkpoint::restore(ManagerCore& core, std::uint32_t spp) {
   const MappedFile mapped = map_file(path());
   CheckpointReader reader(mapped.bytes, *made_);
   std::size_t good = reader.position();
+  std::uint32_t samples = 0;
   while (const auto tile = reader.next()) {
-    if (tile->samples.back().end > spp)
-      throw UsageError("checkpoint " + path() + " was made with spp " +
-                       std::to_string(tile->samples.back().end) +
-                       " or more, this render has spp " + std::to_string(spp));
-    if (!core.restore(*tile)) break;
+    samples = std::max(samples, tile->samples.back().end);
+    if (samples <= spp && !core.restore(*tile)) break;
     good = reader.position();
   }
+  if (samples > spp)
+    throw UsageError("checkpoint " + path() + " was made with spp " + std::to_string(samples) +
+                     ", this render has spp " + std::to_string(spp));
   if (good != mapped.bytes.size()) {
     spdlog::warn("the checkpoint {} ends in {} bytes that cannot be used", path(),
                  mapped.bytes.size() - good);

@@ -30,10 +30,11 @@ class Processes(support.ClusterTest):
         _, report = self.render("probe", self.scene, "--spp", 8, "--resolution", SIZE, "--threads", 2)
         return max(16, min(4096, int(8 * seconds / max(report["time"]["render_s"], 0.01))))
 
-    def start_cluster(self, spp, workers, *options, memory=MEMORY):
+    def start_cluster(self, spp, workers, *options, memory=MEMORY, worker_options=()):
         manager = self.start_manager(self.scene, self.out, self.ports[0], "--spp", spp, "--resolution", SIZE,
                                      "--min-hosts", workers, "--quiet", *options)
-        started = [self.start_worker(f"worker{k}", self.ports[0], self.ports[1 + k], memory) for k in range(workers)]
+        started = [self.start_worker(f"worker{k}", self.ports[0], self.ports[1 + k], memory, *worker_options)
+                   for k in range(workers)]
         return manager, started
 
     def finish(self, manager, seconds=90):
@@ -88,12 +89,12 @@ class Processes(support.ClusterTest):
             self.assertRegex(manager.text(), "(?i)error|lost", "no word of why")
 
     def test_workers_end_when_their_manager_is_killed(self):
-        manager, workers = self.start_cluster(4096, 2)
+        manager, workers = self.start_cluster(4096, 2, worker_options=("--wait", 3))
         self.wait_until_all_joined(self.ports[0], 2)
         time.sleep(1)
         manager.kill()
         for worker in workers:
-            self.assertIsNotNone(worker.wait(60), f"{worker.name} hangs without its manager:\n{worker.text()}")
+            self.assertEqual(worker.wait(30), 4, f"{worker.name} hangs without its manager:\n{worker.text()}")
         self.assert_none_left()
 
     def test_garbage_on_the_ports_changes_nothing(self):
