@@ -1,8 +1,7 @@
-#include "tasks/checkpoint.h"
-
 #include <gtest/gtest.h>
 
 #include "base/random.h"
+#include "tasks/checkpoint.h"
 
 namespace cloudrenderer {
 namespace {

@@ -7,8 +7,9 @@
 namespace cloudrenderer {
 namespace {
 
-constexpr std::uint64_t kBytesPerPixel = 32;   // of a record, about
-constexpr std::uint64_t kCompactFactor = 4;    // a journal this much larger than the film is compacted
+constexpr std::uint64_t kBytesPerPixel = 32;  // of a record, about
+constexpr std::uint64_t kCompactFactor =
+    4;  // a journal this much larger than the film is compacted
 constexpr std::uint64_t kSmallJournal = 1u << 20;  // and never one below this
 
 }  // namespace
@@ -16,7 +17,8 @@ constexpr std::uint64_t kSmallJournal = 1u << 20;  // and never one below this
 Checkpoint::Checkpoint(const std::string& path, bool resume, const CheckpointJob& job)
     : file_(path), job_(job), compact_bytes_(job.frame.pixels() * kBytesPerPixel) {
   if (file_.bytes() == 0) {
-    if (resume) spdlog::warn("there is nothing in the checkpoint {} yet: starting from the beginning", path);
+    if (resume)
+      spdlog::warn("there is nothing in the checkpoint {} yet: starting from the beginning", path);
     return;
   }
   if (!resume)

@@ -137,8 +137,7 @@ class RenderRun {
     ManagerCore& core = manager_->core();
     if (checkpoint_) checkpoint_->restore(core, facts_.settings.spp);
     // Of a picture with a part of the next round nothing can be decided any more, and it has been.
-    const std::uint64_t complete =
-        core.complete_samples() * facts_.settings.film.frame.pixels();
+    const std::uint64_t complete = core.complete_samples() * facts_.settings.film.frame.pixels();
     if (core.progress().paths_done > complete) recorded_samples_ = core.complete_samples();
   }
 
@@ -352,6 +351,9 @@ class RenderRun {
     } else if (interrupted_ && !interrupt_checkpoint_.empty()) {
       out.checkpoint = interrupt_checkpoint_;
       try {
+        // That of another run, which may have got further, is not ours to lose.
+        if (std::filesystem::exists(out.checkpoint))
+          std::filesystem::rename(out.checkpoint, out.checkpoint + "~");
         write_file_atomically(out.checkpoint, whole_checkpoint(core, job_));
       } catch (const std::system_error& e) {
         out.checkpoint_error =

@@ -80,7 +80,7 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
 class CheckpointReader {
  public:
   CheckpointReader(std::span<const std::byte> bytes, const CheckpointJob& job);
-  std::optional<TileSums> next();  // none: the end, clean or not
+  std::optional<TileSums> next();                     // none: the end, clean or not
   std::size_t position() const { return position_; }  // behind the last good record
 
  private:

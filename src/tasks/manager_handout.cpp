@@ -143,8 +143,8 @@ std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
     if (round_ >= allowed_rounds_) return std::nullopt;
     RendererRange whole = tile_range(cursor_tile_);
     const std::uint32_t first = round_ * options_.round_samples;
-    for (const SampleRange& s : covered_[cursor_tile_].gaps(
-             {first, std::min(job_.spp, first + options_.round_samples)})) {
+    for (const SampleRange& s :
+         covered_[cursor_tile_].gaps({first, std::min(job_.spp, first + options_.round_samples)})) {
       whole.sample_begin = s.begin;
       whole.sample_end = s.end;
       returned_.push_back(whole);
@@ -223,8 +223,15 @@ void ManagerCore::merge(const Outstanding& o, wire::RendererReply& r) {
   const SampleRange samples{range.sample_begin, range.sample_end};
   cover((range.y0 - f.y0) / tile_ * std::size_t{tiles_x_} + (range.x0 - f.x0) / tile_, samples);
   if (options_.keep_merged)
-    merged_.push_back({range.x0, range.y0, range.x1, range.y1, {samples}, r.invalid, r.clamped,
-                       bit_exact_, std::move(r.sums)});
+    merged_.push_back({range.x0,
+                       range.y0,
+                       range.x1,
+                       range.y1,
+                       {samples},
+                       r.invalid,
+                       r.clamped,
+                       bit_exact_,
+                       std::move(r.sums)});
 }
 
 bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }
