@@ -81,6 +81,10 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--max-time", t.max_time, "stop after about this many seconds of rendering");
   app.add_option("--reference", o.reference, "picture to measure the error against");
   app.add_option("--report", o.report, "write figures about the render to this JSON file");
+  app.add_option("--checkpoint", o.request.checkpoint,
+                 "journal of what is done, for --resume (Ctrl-C without it: OUT.ckpt)");
+  app.add_flag("--resume", o.request.resume,
+               "go on from the checkpoint; with a larger --spp, add samples to its picture");
   app.add_option("--crop", t.crop, "X0,X1,Y0,Y1: the part of the picture to render, in [0,1]");
   app.add_option("--integrator", integrator,
                  "pbrt's name of the integrator to use instead of the scene's");
@@ -199,7 +203,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   worker_app.add_option("--name", worker.config.name, "name in reports (default: the machine's)");
   worker_app.add_option("--parts", worker.config.parts, "a copy of the split, to load parts from");
   add_door(worker_app, t, worker.token_file, worker.config.tls);
-  worker_app.add_option("--wait", t.wait, "seconds to look for the manager (default 30)");
+  worker_app.add_option("--wait", t.wait, "seconds to look for the manager, also for one that has gone (default 30)");
   worker_app.add_option("--alpha", t.alpha, "weight of a host's load against the number of hosts");
   worker_app.add_flag("--allow-inexact", worker.config.allow_inexact,
                       "join although the arithmetic differs");

@@ -40,10 +40,11 @@ std::string describe(const RenderProgress& p) {
                           ? 0
                           : static_cast<double>(p.paths_done) / static_cast<double>(p.paths_total);
   std::string text = fmt::format("{:5.1f} %  {}", 100 * done, clock_text(p.render_s));
-  if (done > 0.001 && p.render_s > 0.2)
-    text += fmt::format(", {} to go", clock_text(p.render_s / done * (1 - done)));
-  if (p.render_s > 0.2)
-    text += fmt::format(", {}samples/s", rate_text(static_cast<double>(p.paths_done) / p.render_s));
+  const auto made = static_cast<double>(p.paths_done - p.paths_restored);  // by this run
+  const auto left = static_cast<double>(p.paths_total - p.paths_done);
+  if (made > 0.001 * (made + left) && p.render_s > 0.2)
+    text += fmt::format(", {} to go", clock_text(p.render_s / made * left));
+  if (p.render_s > 0.2) text += fmt::format(", {}samples/s", rate_text(made / p.render_s));
   text += fmt::format(", {} {}", p.hosts, p.hosts == 1 ? "host" : "hosts");
   if (p.estimated_relmse && *p.estimated_relmse > 0)
     text += fmt::format(", relMSE about {:.2g}", *p.estimated_relmse);

@@ -46,6 +46,8 @@ std::map<std::string, std::string> metadata(const RenderOptions& o, const Render
           {"cloudrenderer:scene", o.request.scene},
           {"cloudrenderer:spp", std::to_string(s.spp)},
           {"cloudrenderer:spp_done", std::to_string(r.spp_done)},
+          {"cloudrenderer:footprint_spp",
+           std::to_string(s.footprint_spp ? s.footprint_spp : s.spp)},
           {"cloudrenderer:seed", std::to_string(s.seed)},
           {"cloudrenderer:k", std::to_string(s.k)},
           {"cloudrenderer:integrator", kIntegrators[static_cast<std::size_t>(s.integrator)]},
@@ -63,7 +65,7 @@ void print_summary(const RenderOutcome& r, const std::string& output) {
       "samples/s\n",
       output, r.facts.settings.film.frame.crop_width(), r.facts.settings.film.frame.crop_height(),
       r.spp_mean, r.load_s, r.render_s,
-      r.render_s > 0 ? static_cast<double>(r.paths_done) / r.render_s * 1e-6 : 0.0);
+      r.render_s > 0 ? static_cast<double>(r.paths_done - r.paths_restored) / r.render_s * 1e-6 : 0.0);
 }
 
 }  // namespace
@@ -96,6 +98,9 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
     output = output_path(o, facts.settings.film);
     check_writable(output, "the picture");
   };
+  observer.default_checkpoint = [&] {
+    return fs::path(output).replace_extension(".ckpt").string();
+  };
   observer.listening = [&](const Address& address) {
     // Scripts that started us with port 0 wait for this line.
     fmt::print("listening on {}\n", address.to_string());
@@ -120,8 +125,11 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   if (outcome.invalid_samples > 0)
     fmt::print(stderr, "warning: {} samples were not finite and were left out\n",
                outcome.invalid_samples);
+  if (!outcome.checkpoint_error.empty())
+    throw ClusterError(outcome.checkpoint_error + "; " + output + " holds what was there");
   if (outcome.interrupted) {
-    fmt::print(stderr, "interrupted: {} holds what was there\n", output);
+    fmt::print(stderr, "interrupted: {} holds what was there, and --checkpoint {} --resume goes on\n",
+               output, outcome.checkpoint);
     return kInterrupted;
   }
   return outcome.bound_met ? kDone : kBoundNotMet;

@@ -56,7 +56,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
     dropped += c.dropped_messages();
     hosts.push_back(report_host(host, o.render_s));
   }
-  const auto paths = static_cast<double>(o.paths_done);
+  const auto paths = static_cast<double>(o.paths_done - o.paths_restored);  // of this run
   const Film::ErrorEstimate estimate = o.film->estimated_error(o.facts.settings.film.scale);
   Json error = {{"estimated_relmse", estimate.relmse}, {"estimated_relmse_trimmed", estimate.trimmed}};
   if (difference) {
@@ -102,6 +102,8 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
       {"spp_asked", o.facts.settings.spp},
       {"spp_done", o.spp_done},
       {"paths", o.paths_done},
+      {"paths_restored", o.paths_restored},
+      {"checkpoint", o.checkpoint},
       {"samples_per_s", per(paths, o.render_s)},
       {"pixels_per_s", per(static_cast<double>(frame.pixels()), o.render_s)},
       {"moves_per_path", per(static_cast<double>(moved), paths)},

@@ -12,6 +12,7 @@ namespace cloudrenderer {
 namespace {
 
 constexpr const char* kMaxDepth = "max_depth";
+constexpr const char* kFootprintSpp = "footprint_spp";
 constexpr std::uint32_t kLargestFilm = 1u << 16;
 
 PlacementPart placement_part(const Manifest& manifest, std::uint32_t part) {
@@ -24,6 +25,18 @@ PlacementPart placement_part(const Manifest& manifest, std::uint32_t part) {
   for (const Bounds3& b : info.boxes) bounds.extend(b);
   if (!bounds.empty()) p.center = bounds.center();
   return p;
+}
+
+// An option of the job that is a number.
+std::optional<std::uint32_t> number_option(const wire::JobStart& start, const char* name) {
+  const auto found = start.options().find(name);
+  if (found == start.options().end()) return std::nullopt;
+  const std::string& text = found->second;
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size())
+    throw ClusterError("the job's " + std::string(name) + " is '" + text + "'");
+  return value;
 }
 
 wire::ColumnSet columns_of(const Manifest& manifest) {
@@ -106,6 +119,8 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   if (overrides.integrator) s.set_integrator(*overrides.integrator);
   // Zero is a depth too, so it is an option and not the field in which zero means "from the scene".
   if (overrides.max_depth) (*s.mutable_options())[kMaxDepth] = std::to_string(*overrides.max_depth);
+  if (settings.footprint_spp != 0 && settings.footprint_spp != settings.spp)
+    (*s.mutable_options())[kFootprintSpp] = std::to_string(settings.footprint_spp);
   if (shared_folder) s.set_parts_url(std::filesystem::absolute(folder).string());
   return spec;
 }
@@ -115,16 +130,10 @@ JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, W
   o.spp = start.spp();
   o.seed = static_cast<std::uint32_t>(start.seed());
   if (!start.integrator().empty()) o.integrator = start.integrator();
-  if (const auto found = start.options().find(kMaxDepth); found != start.options().end()) {
-    const std::string& text = found->second;
-    std::uint32_t depth = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), depth);
-    if (error != std::errc{} || end != text.data() + text.size())
-      throw ClusterError("the job's max_depth is '" + text + "'");
-    o.max_depth = depth;
-  }
+  o.max_depth = number_option(start, kMaxDepth);
   JobSettings settings = job_settings(manifest.scene, o, warnings);
   settings.k = start.k();
+  settings.footprint_spp = number_option(start, kFootprintSpp).value_or(0);
   settings.film.frame = {start.width(), start.height(), start.x0(),
                          start.y0(),    start.x1(),     start.y1()};
   const FilmFrame& f = settings.film.frame;

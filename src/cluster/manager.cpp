@@ -53,6 +53,14 @@ bool Manager::introduce(const std::shared_ptr<Session>& session, wire::Message&&
     return false;
   }
   if (join_again(session, *hello)) return true;
+  if (hello->manager() != 0) {  // of a manager before this one, or given up by this one
+    wire::Refused refused;
+    refused.set_reason("this host is not known here any more; it may come as a new one");
+    send_unsequenced(*session, refused);
+    spdlog::info("host {} at {} was with another manager", hello->name(), session->peer());
+    session->close_when_sent();
+    return false;
+  }
   const Result<HostId> id = core_.join(*hello, clock_.now());
   if (!id) {
     wire::Refused refused;

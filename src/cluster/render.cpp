@@ -9,6 +9,8 @@
 #include <fstream>
 
 #include "base/log.h"
+#include "cluster/checkpoint.h"
+#include "cluster/fingerprint.h"
 #include "cluster/job_start.h"
 #include "cluster/local_host.h"
 #include "cluster/processes.h"
@@ -42,14 +44,22 @@ class RenderRun {
 
   RenderOutcome run() {
     open_scene();
+    open_checkpoint();
     start_manager();
+    if (manager_->core().finished()) {  // all of it was in the checkpoint
+      manager_->shut();
+      return finish();
+    }
     start_hosts();
     interrupts_.set_handler([this] { asio::post(io_, [this] { interrupt(); }); });
     look();
     io_.run();
     interrupts_.set_handler(nullptr);
     children_.wait(kChildrenEnd);
-    if (!error_.empty()) throw ClusterError(error_);
+    if (!error_.empty()) {
+      if (checkpoint_) checkpoint_->close(manager_->core());
+      throw ClusterError(error_);
+    }
     return finish();
   }
 
@@ -89,6 +99,23 @@ class RenderRun {
     if (observer_.scene_ready) observer_.scene_ready(facts_);
   }
 
+  void open_checkpoint() {
+    job_ = checkpoint_job(manifest_->content_hash, facts_.settings);
+    std::string path = request_.checkpoint;
+    if (path.empty() && observer_.default_checkpoint) path = observer_.default_checkpoint();
+    interrupt_checkpoint_ = path;
+    if (request_.checkpoint.empty() && !request_.resume) return;
+    checkpoint_ = std::make_unique<Checkpoint>(path, request_.resume, job_);
+    if (!checkpoint_->resumed()) return;
+    job_ = checkpoint_->made();
+    facts_.settings.footprint_spp = job_.footprint_spp;
+    if (!request_.listen && !request_.allow_inexact && job_.fingerprint != 0 &&
+        job_.fingerprint != numeric_fingerprint())
+      throw UsageError("checkpoint " + path +
+                       " was made with another numeric fingerprint: this machine computes other "
+                       "bits (--allow-inexact goes on all the same)");
+  }
+
   bool in_process() const { return !request_.listen && request_.hosts <= 1; }
 
   void start_manager() {
@@ -99,6 +126,7 @@ class RenderRun {
     c.core.lost_after_s = request_.lost_after_s;
     c.core.allow_inexact = request_.allow_inexact;
     c.core.hold_rounds = request_.max_error.has_value();
+    if (checkpoint_) checkpoint_->prepare(c.core);
     c.job = make_job_spec(*manifest_, facts_.settings, overrides_, folder_, true);
     c.folder = folder_;
     c.token = request_.token;
@@ -109,6 +137,11 @@ class RenderRun {
       c.token = write_token(secrets_->path() + "/token");
     }
     manager_ = std::make_unique<Manager>(io_, clock_, std::move(c));
+    ManagerCore& core = manager_->core();
+    if (checkpoint_) checkpoint_->restore(core, facts_.settings.spp);
+    // Of a picture with a part of the next round nothing can be decided any more, and it has been.
+    const std::uint64_t complete = core.complete_samples() * facts_.settings.film.frame.pixels();
+    if (core.progress().paths_done > complete) recorded_samples_ = core.complete_samples();
   }
 
   void start_hosts() {
@@ -179,6 +212,7 @@ class RenderRun {
   void changed() {
     if (shut_ || !manager_) return;
     ManagerCore& core = manager_->core();
+    if (checkpoint_) checkpoint_->record(core);
     if (core.phase() == ManagerCore::Phase::failed) return fail(core.error());
     if (core.finished()) return shut();
     const std::uint32_t samples = core.complete_samples();
@@ -229,6 +263,12 @@ class RenderRun {
     const double now = clock_.now();
     const ManagerCore::Progress p = core.progress();
     const bool rendering = core.phase() == ManagerCore::Phase::rendering;
+    if (checkpoint_ && !stopped_ && !checkpoint_->error().empty()) {
+      stopped_ = true;
+      core.cancel(checkpoint_->error(), now);
+      manager_->drain();
+      if (shut_) return;
+    }
     if (!in_process() && !request_.listen) {
       const std::size_t alive = children_.alive();
       if (alive == 0 || (core.phase() == ManagerCore::Phase::gathering && alive < request_.hosts))
@@ -256,6 +296,7 @@ class RenderRun {
     out.render_s = rendering ? now - p.render_began : 0;
     out.paths_done = p.paths_done;
     out.paths_total = p.paths_total;
+    out.paths_restored = p.paths_restored;
     out.hosts = p.hosts;
     out.estimated_relmse = estimate_;
     observer_.progress(out);
@@ -265,6 +306,7 @@ class RenderRun {
     ManagerCore& core = manager_->core();
     const ManagerCore::Progress p = core.progress();
     RenderOutcome out;
+    keep(core, out);
     out.facts = std::move(facts_);
     out.spp_done = core.complete_samples();
     out.hosts = core.hosts();
@@ -285,6 +327,7 @@ class RenderRun {
     out.bound_met =
         !request_.max_error || convergence_.back().estimated_relmse <= *request_.max_error;
     out.paths_done = p.paths_done;
+    out.paths_restored = p.paths_restored;
     out.spp_mean =
         static_cast<double>(p.paths_done) / static_cast<double>(out.film->frame().pixels());
     out.invalid_samples = p.invalid_samples;
@@ -303,6 +346,26 @@ class RenderRun {
     return out;
   }
 
+  // The checkpoint, as it is now, is on the disk, or there is an error.
+  void keep(ManagerCore& core, RenderOutcome& out) {
+    if (checkpoint_) {
+      checkpoint_->close(core);
+      out.checkpoint = checkpoint_->path();
+      out.checkpoint_error = checkpoint_->error();
+    } else if (interrupted_ && !interrupt_checkpoint_.empty()) {
+      out.checkpoint = interrupt_checkpoint_;
+      try {
+        // That of another run, which may have got further, is not ours to lose.
+        if (std::filesystem::exists(out.checkpoint))
+          std::filesystem::rename(out.checkpoint, out.checkpoint + "~");
+        write_file_atomically(out.checkpoint, whole_checkpoint(core, job_));
+      } catch (const std::system_error& e) {
+        out.checkpoint_error =
+            "cannot write the checkpoint " + out.checkpoint + ": " + e.code().message();
+      }
+    }
+  }
+
   const RenderRequest& request_;
   const RenderObserver& observer_;
   Interrupts& interrupts_;
@@ -317,6 +380,9 @@ class RenderRun {
   JobOverrides overrides_;
   SceneFacts facts_;
   ChildProcesses children_;
+  CheckpointJob job_;
+  std::string interrupt_checkpoint_;
+  std::unique_ptr<Checkpoint> checkpoint_;
   std::unique_ptr<Manager> manager_;
   std::unique_ptr<LocalHost> local_;
   std::string error_;

@@ -35,6 +35,8 @@ struct RenderRequest {
   std::optional<double> wait_s;  // without any host
   std::optional<double> max_error, max_time_s;
   std::optional<Image> reference;
+  std::string checkpoint;  // "": an interrupt leaves one where the observer says
+  bool resume = false;
   std::string log_level = "warn";  // of hosts that are started here
 };
 
@@ -48,7 +50,7 @@ struct SceneFacts {
 struct RenderProgress {
   ManagerCore::Phase phase = ManagerCore::Phase::gathering;
   double elapsed_s = 0, render_s = 0;
-  std::uint64_t paths_done = 0, paths_total = 0;
+  std::uint64_t paths_done = 0, paths_total = 0, paths_restored = 0;
   std::uint32_t hosts = 0;
   std::optional<double> estimated_relmse;  // of the last time that it was computed
 };
@@ -62,6 +64,8 @@ struct ConvergencePoint {
 
 struct RenderObserver {
   std::function<void(const SceneFacts&)> scene_ready;
+  // After scene_ready: the file of the checkpoint when the request names none.
+  std::function<std::string()> default_checkpoint;
   std::function<void(const Address&)> listening;
   std::function<void(const RenderProgress&)> progress;  // a few times a second
 };
@@ -72,7 +76,10 @@ struct RenderOutcome {
   bool interrupted = false;
   bool bound_met = true;  // --max-error
   bool bit_exact = true;
+  std::string checkpoint;        // that was written; "": none
+  std::string checkpoint_error;  // why it could not be: the picture is what there was by then
   double wall_s = 0, load_s = 0, render_s = 0, cpu_s = 0;
+  std::uint64_t paths_restored = 0;  // of those done: by earlier runs
   std::uint64_t paths_done = 0, invalid_samples = 0, clamped_samples = 0;
   std::uint64_t wire_bytes = 0;  // sent by all processes, parts and files left out
   std::uint32_t spp_done = 0;    // samples that every pixel has

@@ -18,6 +18,7 @@ namespace cloudrenderer {
 namespace {
 
 constexpr HostId kManager{0};
+constexpr auto kPause = std::chrono::milliseconds(200);  // before coming back
 
 // A worker on this machine that talks to its manager and peers over TCP. Everything on the I/O
 // thread unless said.
@@ -31,16 +32,19 @@ class Worker {
             [this](wire::Message m) { deliver(kManager, std::move(m)); })),
         loader_(config.threads, config.memory, {nullptr, config.parts, fetcher_}) {}
 
-  void run() {
+  // False: over. True: there is a manager that does not know this host; a new one is to be made.
+  bool run() {
     spawn(join(config_.patience));
     io_.run();
     fetcher_->fail("this host is going");
     node_.reset();
     if (!error_.empty()) throw ClusterError(error_);
+    return again_;
   }
 
   void leave() {  // any thread
     asio::post(io_, [this] {
+      if (node_ && !manager_session_) return end({});  // nobody there to be told
       if (!node_ || leaving_) return end(node_ ? "" : "interrupted before a manager was found");
       leaving_ = true;
       node_->leave("asked to leave");
@@ -86,6 +90,7 @@ class Worker {
                                      options_.path_credits);
       hello.set_listen(advertised_.to_string());
       hello.set_allow_inexact(config_.allow_inexact);
+      if (node_) hello.set_manager(manager_incarnation_);
       send_unsequenced(*session, hello);
     };
     h.introduced = [this](const auto& session, wire::Message&& m) {
@@ -97,8 +102,24 @@ class Worker {
         greet(std::move(stream), Handshake::Role::connects, config_.token, std::move(h));
   }
 
+  // The manager may be gone for good, or its place is taken by one that does not want this host.
+  asio::awaitable<void> come_back() {
+    asio::steady_timer pause(io_, kPause);
+    co_await pause.async_wait(asio::use_awaitable);
+    const auto left = std::max(lost_after_, config_.patience) -
+                      std::chrono::duration<double>(clock_.now() - *gone_since_);
+    if (left.count() <= 0)
+      throw ClusterError("the manager at " + config_.manager.to_string() +
+                         " has gone and does not take this host back");
+    co_await join(left);
+  }
+
   bool welcomed(const std::shared_ptr<Session>& session, wire::Message&& message) {
     if (const auto* refused = std::get_if<wire::Refused>(&message)) {
+      if (node_) {
+        come_as_new();
+        return false;
+      }
       end("the manager refuses this host: " + refused->reason());
       return false;
     }
@@ -108,14 +129,22 @@ class Worker {
       return false;
     }
     const HostId self(welcome->host());
-    if (node_ && self != self_) {
-      end("the manager had given this host up");
+    if (node_ && (self != self_ || welcome->incarnation() != manager_incarnation_)) {
+      come_as_new();
       return false;
     }
+    gone_since_.reset();
+    manager_incarnation_ = welcome->incarnation();
     lost_after_ = std::chrono::duration<double>(welcome->lost_after_s());
     if (!node_) start(self, *welcome);
     manager_->attach(session);
     return true;
+  }
+
+  void come_as_new() {
+    spdlog::info("the manager does not know this host any more");
+    again_ = !leaving_;
+    end({});
   }
 
   void start(HostId self, const wire::Welcome& welcome) {
@@ -167,9 +196,12 @@ class Worker {
       return end("the manager at " + config_.manager.to_string() + " has ended the connection (" +
                  reason + "); do both have the same token and --tls?");
     manager_->detach(session.get());
-    if (job_over_ || node_->left()) return end({});
-    spdlog::warn("the connection to the manager has ended: {}", reason);
-    spawn(join(std::max(lost_after_, std::chrono::duration<double>(1))));
+    if (job_over_ || leaving_ || node_->left()) return end({});
+    if (!gone_since_) {
+      gone_since_ = clock_.now();
+      spdlog::warn("the connection to the manager has ended: {}; waiting for it", reason);
+    }
+    spawn(come_back());
   }
 
   // Any thread.
@@ -229,9 +261,11 @@ class Worker {
   std::shared_ptr<Ticker> ticker_;
   std::mutex sync_mutex_;
   std::uint64_t hosts_version_ = 0;
+  std::uint64_t manager_incarnation_ = 0;
+  std::optional<double> gone_since_;  // the connection to the manager
   std::chrono::duration<double> lost_after_{10};
   std::atomic<std::uint64_t> closed_sent_ = 0, closed_received_ = 0, memory_peak_ = 0;
-  bool job_over_ = false, leaving_ = false;
+  bool job_over_ = false, leaving_ = false, again_ = false;
   std::string error_;
   std::unique_ptr<WorkerNode> node_;  // last: its threads use the rest
 };
@@ -274,10 +308,17 @@ DriverCounters process_counters() {
 
 void run_worker(const WorkerConfig& config,
                 const std::function<void(std::function<void()>)>& on_leave) {
-  Worker worker(config);
-  on_leave([&worker] { worker.leave(); });
-  worker.run();
-  on_leave(nullptr);
+  for (bool again = true; again;) {
+    Worker worker(config);
+    on_leave([&worker] { worker.leave(); });
+    try {
+      again = worker.run();
+    } catch (...) {
+      on_leave(nullptr);
+      throw;
+    }
+    on_leave(nullptr);
+  }
 }
 
 }  // namespace cloudrenderer

@@ -27,7 +27,8 @@ struct WorkerConfig {
       30};  // for the first connection, and for a manager that went away
 };
 
-// Works for a manager until the job has ended. `on_leave` is called with a function that asks for
+// Works for a manager until the job has ended; when the manager goes away, waits for it or for the
+// one that takes its place. `on_leave` is called with a function that asks for
 // leave (from any thread; a second call ends at once). Throws ClusterError.
 void run_worker(const WorkerConfig& config,
                 const std::function<void(std::function<void()>)>& on_leave);

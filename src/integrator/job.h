@@ -25,6 +25,7 @@ struct JobOverrides {
 struct JobSettings {
   FilmOptions film;
   std::uint32_t spp = 16;
+  std::uint32_t footprint_spp = 0;  // that textures are filtered for; 0: spp
   std::uint32_t seed = 0;
   SampleSequence::Kind sequence = SampleSequence::Kind::sobol;
   IntegratorKind integrator = IntegratorKind::path;

@@ -66,7 +66,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
       resident_(resident),
       shading_(Shading::build(manifest.scene, {.texture_budget = texture_budget}, warnings)) {
   footprint_ = shading_->needs_footprint();
-  footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.spp));
+  footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.footprint_spp ? job.footprint_spp : job.spp));
   resident.set_alpha([shading = shading_.get()](std::uint32_t texture, const Vec2& uv, const Vec3& p) {
     return shading->alpha(texture, uv, p);
   });

@@ -23,7 +23,8 @@ ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
     : options_(options),
       job_(std::move(job)),
       film_(job_.frame, job_.k),
-      generation_(options.first_generation) {
+      generation_(options.first_generation),
+      fingerprint_(options.fingerprint) {
   options_.round_samples = std::max(1u, options_.round_samples);
   options_.tile = std::clamp(options_.tile, 1u, 128u);
   progress_.paths_total = job_.frame.pixels() * job_.spp;
@@ -32,6 +33,7 @@ ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
     round_left_.push_back(job_.frame.pixels() *
                           std::min(options_.round_samples, job_.spp - r * options_.round_samples));
   allowed_rounds_ = options_.hold_rounds ? 1 : rounds();
+  if (options_.fixed_tile != 0) set_tile(options_.fixed_tile);
 }
 
 Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
@@ -44,8 +46,9 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   if (fingerprint_ && *fingerprint_ != hello.fingerprint()) {
     if (!options_.allow_inexact && !hello.allow_inexact())
       return refuse(
-          "the host computes other bits than the cluster (numeric fingerprint); --allow-inexact "
-          "lets it join");
+          std::string("the host computes other bits than ") +
+          (options_.fingerprint ? "those in the checkpoint" : "the cluster") +
+          " (numeric fingerprint); --allow-inexact lets it join");
     bit_exact_ = false;
   }
   const std::uint64_t least = main_bytes() + job_.parts[0].build;

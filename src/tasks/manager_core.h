@@ -18,7 +18,9 @@
 
 #include "base/error.h"
 #include "film/film.h"
+#include "tasks/checkpoint.h"
 #include "tasks/placement.h"
+#include "tasks/sample_set.h"
 #include "wire/messages.h"
 
 namespace cloudrenderer {
@@ -39,6 +41,10 @@ struct ManagerOptions {
   // How long to wait for more hosts when the scene does not fit those that are there; then the job
   // fails.
   double wait_for_room_s = 0;
+  bool keep_merged = false;  // for take_merged()
+  // To go on from a checkpoint: its tile size, fixed then, and its hosts' fingerprint.
+  std::uint32_t fixed_tile = 0;
+  std::optional<std::uint64_t> fingerprint;
 };
 
 // What the core must know of the scene; the rest is the driver's.
@@ -91,6 +97,19 @@ class ManagerCore {
   void next_round(double now);
   std::uint32_t complete_samples() const;  // samples per pixel of all complete rounds
 
+  // What an earlier run of this job has done; before the first host joins, with fixed_tile. False,
+  // and nothing has changed: it is no tile of this film, or some of it is already there, or it has
+  // more than spp samples. A job of which nothing is left is done.
+  bool restore(const TileSums& tile);
+  // The sums that were merged into the film since the last call (with keep_merged).
+  std::vector<TileSums> take_merged() { return std::exchange(merged_, {}); }
+  // All that a tile of the film has got, but for the counts of invalid and clamped samples, which
+  // progress() has for the whole film; none: nothing yet.
+  std::size_t tiles() const { return covered_.size(); }
+  std::optional<TileSums> tile_sums(std::size_t tile) const;
+  std::uint32_t tile_size() const { return covered_.empty() ? 0 : tile_; }
+  std::optional<std::uint64_t> fingerprint() const { return fingerprint_; }
+
   Film& film() { return film_; }
   const Film& film() const { return film_; }
 
@@ -105,6 +124,7 @@ class ManagerCore {
   const std::map<HostId, HostReport>& hosts() const { return reports_; }
   struct Progress {
     std::uint64_t paths_done = 0, paths_total = 0;
+    std::uint64_t paths_restored = 0;  // of those done: by an earlier run
     std::uint32_t hosts = 0, hosts_loading = 0;
     std::uint64_t invalid_samples = 0, clamped_samples = 0;
     std::uint32_t epoch = 0, generation = 0;
@@ -176,7 +196,11 @@ class ManagerCore {
   std::optional<RendererRange> next_range(std::uint64_t paths);
   std::uint64_t task_paths(const Host& h, std::size_t hosts) const;
   void give(HostId id, Host& h, RendererRange range);
-  void merge(const Outstanding& o, const wire::RendererReply& r);
+  void merge(const Outstanding& o, wire::RendererReply& r);
+  void set_tile(std::uint32_t tile);
+  RendererRange tile_range(std::size_t tile) const;
+  void cover(std::size_t tile, SampleRange samples);
+  void advance_cursor();
   std::uint32_t rounds() const {
     return (job_.spp + options_.round_samples - 1) / options_.round_samples;
   }
@@ -205,7 +229,9 @@ class ManagerCore {
   // Renderer tasks: (round, tile) in order, a cursor inside the tile's samples, and ranges that
   // came back.
   std::uint32_t tile_ = 32, tiles_x_ = 0, tiles_y_ = 0;
-  std::uint32_t round_ = 0, allowed_rounds_ = 0, cursor_tile_ = 0, cursor_sample_ = 0;
+  std::uint32_t round_ = 0, allowed_rounds_ = 0, cursor_tile_ = 0;
+  std::vector<SampleSet> covered_;  // by tile: samples in the film
+  std::vector<TileSums> merged_;
   std::vector<RendererRange> returned_;
   std::map<std::uint32_t, Outstanding> outstanding_;
   std::uint32_t next_task_ = 1;

@@ -16,19 +16,90 @@ constexpr std::uint32_t kTasksPerHost = 8;  // at least, by the size of tiles
 void ManagerCore::begin_rendering(double now) {
   phase_ = Phase::rendering;
   progress_.render_began = progress_.render_ended = now;
-  const FilmFrame& f = job_.frame;
-  const auto tiles = [&](std::uint32_t extent) { return (extent + tile_ - 1) / tile_; };
   const std::uint64_t wanted =
       std::uint64_t{kTasksPerHost} * std::max<std::size_t>(hosts_.size(), options_.min_hosts);
-  for (tile_ = options_.tile;; tile_ /= 2) {
-    tiles_x_ = tiles(f.crop_width());
-    tiles_y_ = tiles(f.crop_height());
-    if (tile_ <= 8 || std::uint64_t{tiles_x_} * tiles_y_ * rounds() >= wanted) break;
+  for (std::uint32_t tile = options_.tile; options_.fixed_tile == 0; tile /= 2) {
+    set_tile(tile);
+    if (tile <= 8 || std::uint64_t{covered_.size()} * rounds() >= wanted) break;
   }
+  advance_cursor();
   for (auto& [id, h] : hosts_) h.rate_since = now;
   new_map(false);
   hand_out(now);
   check_end(now);
+}
+
+void ManagerCore::set_tile(std::uint32_t tile) {
+  const auto tiles = [tile](std::uint32_t extent) { return (extent + tile - 1) / tile; };
+  tile_ = tile;
+  tiles_x_ = tiles(job_.frame.crop_width());
+  tiles_y_ = tiles(job_.frame.crop_height());
+  covered_.assign(std::size_t{tiles_x_} * tiles_y_, {});
+}
+
+// Without samples.
+RendererRange ManagerCore::tile_range(std::size_t tile) const {
+  const FilmFrame& f = job_.frame;
+  RendererRange r;
+  r.x0 = f.x0 + static_cast<std::uint32_t>(tile % tiles_x_) * tile_;
+  r.y0 = f.y0 + static_cast<std::uint32_t>(tile / tiles_x_) * tile_;
+  r.x1 = std::min(f.x1, r.x0 + tile_);
+  r.y1 = std::min(f.y1, r.y0 + tile_);
+  return r;
+}
+
+// The samples of a tile are in the film.
+void ManagerCore::cover(std::size_t tile, SampleRange samples) {
+  covered_[tile].add(samples);
+  const RendererRange r = tile_range(tile);
+  const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
+  for (std::uint32_t s = samples.begin; s < samples.end;) {
+    const std::uint32_t round = s / options_.round_samples;
+    const std::uint32_t end = std::min(samples.end, (round + 1) * options_.round_samples);
+    round_left_[round] -= pixels * (end - s);
+    s = end;
+  }
+  progress_.paths_done += pixels * (samples.end - samples.begin);
+}
+
+bool ManagerCore::restore(const TileSums& t) {
+  if (phase_ != Phase::gathering || !hosts_.empty() || covered_.empty()) return false;
+  const FilmFrame& f = job_.frame;
+  if (t.x0 < f.x0 || t.y0 < f.y0 || t.x0 >= f.x1 || t.y0 >= f.y1) return false;
+  const std::size_t tile = (t.y0 - f.y0) / tile_ * std::size_t{tiles_x_} + (t.x0 - f.x0) / tile_;
+  const RendererRange r = tile_range(tile);
+  if (t.x0 != r.x0 || t.y0 != r.y0 || t.x1 != r.x1 || t.y1 != r.y1 ||
+      t.sums.size() != std::size_t{r.x1 - r.x0} * (r.y1 - r.y0) || t.samples.empty())
+    return false;
+  SampleSet all = covered_[tile];
+  for (const SampleRange& s : t.samples)
+    if (s.end > job_.spp || !all.add(s)) return false;
+  const std::uint64_t before = progress_.paths_done;
+  for (const SampleRange& s : t.samples) cover(tile, s);
+  auto sum = t.sums.begin();
+  for (std::uint32_t y = r.y0; y < r.y1; ++y)
+    for (std::uint32_t x = r.x0; x < r.x1; ++x) film_.at(x, y).merge(*sum++);
+  progress_.invalid_samples += t.invalid;
+  progress_.clamped_samples += t.clamped;
+  progress_.paths_restored += progress_.paths_done - before;
+  unassigned_paths_ -= progress_.paths_done - before;
+  if (!t.exact) bit_exact_ = false;
+  if (unassigned_paths_ == 0) phase_ = Phase::done;
+  return true;
+}
+
+std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
+  const auto ranges = covered_[tile].ranges();
+  if (ranges.empty()) return std::nullopt;
+  const RendererRange r = tile_range(tile);
+  TileSums t{r.x0, r.y0, r.x1, r.y1, {ranges.begin(), ranges.end()}, 0, 0, bit_exact_, {}};
+  const std::uint32_t width = job_.frame.crop_width();
+  for (std::uint32_t y = r.y0; y < r.y1; ++y) {
+    const std::size_t row = std::size_t{y - job_.frame.y0} * width - job_.frame.x0;
+    const auto sums = film_.sums().subspan(row + r.x0, r.x1 - r.x0);
+    t.sums.insert(t.sums.end(), sums.begin(), sums.end());
+  }
+  return t;
 }
 
 // How large a task of this host may be now: at most some seconds of work, and less towards the end,
@@ -68,27 +139,21 @@ void ManagerCore::hand_out(double now) {
 }
 
 std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
-  RendererRange r;
-  if (!returned_.empty()) {
-    r = returned_.back();
-    returned_.pop_back();
-  } else {
+  if (returned_.empty()) {
     if (round_ >= allowed_rounds_) return std::nullopt;
-    const FilmFrame& f = job_.frame;
-    const std::uint32_t tx = cursor_tile_ % tiles_x_, ty = cursor_tile_ / tiles_x_;
-    r.x0 = f.x0 + tx * tile_;
-    r.y0 = f.y0 + ty * tile_;
-    r.x1 = std::min(f.x1, r.x0 + tile_);
-    r.y1 = std::min(f.y1, r.y0 + tile_);
+    RendererRange whole = tile_range(cursor_tile_);
     const std::uint32_t first = round_ * options_.round_samples;
-    r.sample_begin = first + cursor_sample_;
-    r.sample_end = std::min(job_.spp, first + options_.round_samples);
-    cursor_sample_ = 0;
-    if (++cursor_tile_ == tiles_x_ * tiles_y_) {
-      cursor_tile_ = 0;
-      ++round_;
+    for (const SampleRange& s :
+         covered_[cursor_tile_].gaps({first, std::min(job_.spp, first + options_.round_samples)})) {
+      whole.sample_begin = s.begin;
+      whole.sample_end = s.end;
+      returned_.push_back(whole);
     }
+    ++cursor_tile_;
+    advance_cursor();
   }
+  RendererRange r = returned_.back();
+  returned_.pop_back();
   const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
   const auto samples = static_cast<std::uint32_t>(std::min<std::uint64_t>(
       r.sample_end - r.sample_begin, std::max<std::uint64_t>(1, paths / pixels)));
@@ -98,6 +163,16 @@ std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
     returned_.push_back(rest);
   }
   return r;
+}
+
+// To the next tile and round of which something is missing.
+void ManagerCore::advance_cursor() {
+  for (; round_ < rounds(); ++round_, cursor_tile_ = 0) {
+    const std::uint32_t first = round_ * options_.round_samples;
+    const SampleRange wanted{first, std::min(job_.spp, first + options_.round_samples)};
+    for (; cursor_tile_ < covered_.size(); ++cursor_tile_)
+      if (!covered_[cursor_tile_].gaps(wanted).empty()) return;
+  }
 }
 
 void ManagerCore::give(HostId id, Host& h, RendererRange range) {
@@ -110,7 +185,7 @@ void ManagerCore::give(HostId id, Host& h, RendererRange range) {
 }
 
 void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
-  const auto* r = std::get_if<wire::RendererReply>(&m.payload);
+  auto* r = std::get_if<wire::RendererReply>(&m.payload);
   const auto it = r ? outstanding_.find(r->task) : outstanding_.end();
   if (it == outstanding_.end() || it->second.host != from)
     return void(++progress_.dropped_messages);
@@ -137,14 +212,26 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   if (h.leaving) try_release(from, now);
 }
 
-void ManagerCore::merge(const Outstanding& o, const wire::RendererReply& r) {
+void ManagerCore::merge(const Outstanding& o, wire::RendererReply& r) {
+  const RendererRange& range = o.range;
+  const FilmFrame& f = job_.frame;
   auto sum = r.sums.begin();
-  for (std::uint32_t y = o.range.y0; y < o.range.y1; ++y)
-    for (std::uint32_t x = o.range.x0; x < o.range.x1; ++x) film_.at(x, y).merge(*sum++);
-  progress_.paths_done += o.range.paths();
+  for (std::uint32_t y = range.y0; y < range.y1; ++y)
+    for (std::uint32_t x = range.x0; x < range.x1; ++x) film_.at(x, y).merge(*sum++);
   progress_.invalid_samples += r.invalid;
   progress_.clamped_samples += r.clamped;
-  round_left_[o.range.sample_begin / options_.round_samples] -= o.range.paths();
+  const SampleRange samples{range.sample_begin, range.sample_end};
+  cover((range.y0 - f.y0) / tile_ * std::size_t{tiles_x_} + (range.x0 - f.x0) / tile_, samples);
+  if (options_.keep_merged)
+    merged_.push_back({range.x0,
+                       range.y0,
+                       range.x1,
+                       range.y1,
+                       {samples},
+                       r.invalid,
+                       r.clamped,
+                       bit_exact_,
+                       std::move(r.sums)});
 }
 
 bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }
@@ -158,6 +245,7 @@ void ManagerCore::next_round(double now) {
   if (!round_complete()) return;
   ++allowed_rounds_;
   hand_out(now);
+  check_end(now);  // a checkpoint may have had all that was left
 }
 
 std::uint32_t ManagerCore::complete_samples() const {

@@ -89,12 +89,12 @@ class Processes(support.ClusterTest):
             self.assertRegex(manager.text(), "(?i)error|lost", "no word of why")
 
     def test_workers_end_when_their_manager_is_killed(self):
-        manager, workers = self.start_cluster(4096, 2)
+        manager, workers = self.start_cluster(4096, 2, worker_options=("--wait", 3))
         self.wait_until_all_joined(self.ports[0], 2)
         time.sleep(1)
         manager.kill()
         for worker in workers:
-            self.assertIsNotNone(worker.wait(60), f"{worker.name} hangs without its manager:\n{worker.text()}")
+            self.assertEqual(worker.wait(30), 4, f"{worker.name} hangs without its manager:\n{worker.text()}")
         self.assert_none_left()
 
     def test_garbage_on_the_ports_changes_nothing(self):

@@ -61,19 +61,36 @@ struct Node {
 
 class Simulation {
  public:
-  explicit Simulation(const Scenario& s)
-      : s_(s), dice_(s.seed ^ 0xabcdef), manager_(manager_options(), job()) {
+  // `journal`: of an earlier cluster.
+  explicit Simulation(const Scenario& s, std::span<const std::byte> journal = {})
+      : s_(s), dice_(s.seed ^ 0xabcdef), manager_(manager_options(journal), job()) {
+    if (const auto made = header_of(journal)) {
+      CheckpointReader reader(journal, *made);
+      while (const auto tile = reader.next())
+        if (!manager_.restore(*tile)) fail("a record of the journal is refused");
+      const auto good = journal.first(reader.position());
+      journal_.assign(good.begin(), good.end());
+      out_.restored = manager_.progress().paths_restored;
+    }
     nodes_.push_back(std::make_unique<Node>(kManager));
     nodes_[0]->wake = kEndOfTime * 2;
+  }
+
+  // What the manager has written by this time, and all is lost.
+  Bytes run_until(double time, std::string& error) {
+    at(time, [this] { stopped_ = true; });
+    error = run().error;
+    return std::move(journal_);
   }
 
   Outcome run() {
     for (std::uint32_t i = 0; i < s_.hosts; ++i) at(dice_.real() * 0.05, [this] { join(); });
     for (const Scenario::Event& e : s_.events) at(e.at, [this, e] { happen(e.kind); });
     pump(*nodes_[0]);
-    while (!events_.empty() && !manager_.finished() && now_ < kEndOfTime && out_.error.empty())
+    while (!events_.empty() && !manager_.finished() && now_ < kEndOfTime && out_.error.empty() &&
+           !stopped_)
       step();
-    if (out_.error.empty()) check();
+    if (out_.error.empty() && !stopped_) check();
     out_.seconds = now_;
     return out_;
   }
@@ -86,8 +103,14 @@ class Simulation {
     bool operator<(const Event& o) const { return at != o.at ? at > o.at : order > o.order; }
   };
 
-  ManagerOptions manager_options() const {
+  static std::optional<CheckpointJob> header_of(std::span<const std::byte> journal) {
+    const auto header = read_header(journal);
+    return header ? *header : std::nullopt;
+  }
+  ManagerOptions manager_options(std::span<const std::byte> journal) const {
     ManagerOptions o = s_.manager;
+    o.keep_merged = true;
+    if (const auto made = header_of(journal)) o.fixed_tile = made->tile;
     o.incarnation = incarnation_of(kManager);
     o.min_hosts = s_.hosts;
     o.replication = s_.replication;
@@ -110,6 +133,18 @@ class Simulation {
     j.start.set_spp(s_.spp);
     j.start.set_columns(wire::kAllColumns);
     return j;
+  }
+
+  void write_journal() {
+    const std::vector<TileSums> merged = manager_.take_merged();
+    if (merged.empty()) return;
+    if (journal_.empty()) {
+      CheckpointJob j;
+      j.frame = job().frame;
+      j.tile = manager_.tile_size();
+      journal_ = encode_header(j);
+    }
+    for (const TileSums& t : merged) encode_record(t, header_checksum(journal_), journal_);
   }
 
   void at(double t, std::function<void()> what) {
@@ -181,6 +216,7 @@ class Simulation {
       const std::size_t segments = n.core->queued_segments() + n.core->kept_segments();
       out_.most_segments = std::max(out_.most_segments, segments);
     } else {
+      write_journal();
       for (auto& [to, m] : manager_.take_outbox())
         if (!std::holds_alternative<wire::Welcome>(m)) send(n, to, m);
       for (const HostId h : manager_.take_gone()) {
@@ -306,6 +342,11 @@ class Simulation {
         return fail("pixel " + std::to_string(i) + " differs");
     const auto p = manager_.progress();
     if (p.paths_done != p.paths_total) return fail("paths were lost or counted twice");
+    write_journal();
+    ManagerCore again(manager_options(journal_), job());
+    CheckpointReader reader(journal_, *header_of(journal_));
+    while (const auto tile = reader.next()) (void)again.restore(*tile);
+    if (!again.finished()) return fail("the journal does not have everything");
     // A path waits at one host, and while it moves at two.
     const std::uint64_t hosts = nodes_.size() - 1, bound = 2 * hosts * s_.worker.path_credits;
     if (out_.most_segments > bound)
@@ -350,6 +391,8 @@ class Simulation {
   std::priority_queue<Event> events_;
   std::uint64_t next_order_ = 0;
   double now_ = 0;
+  bool stopped_ = false;
+  Bytes journal_;
   Outcome out_;
 };
 
@@ -407,11 +450,24 @@ Scenario random_scenario(std::uint64_t seed) {
   }
   // Enough for all that must be held by the hosts that remain, and rarely for everything
   // everywhere.
+  if (d.chance(0.25)) s.restart_at = 0.03 + 0.3 * d.real() * d.real();
   const std::uint64_t all = s.scene.parts * (kPartBytes + 20) * std::min(s.replication, least);
   s.memory = d.chance(0.2) ? 100'000 : 10 + all * 13 / 10 / least + 3 * (kPartBytes + 20);
   return s;
 }
 
-Outcome run(const Scenario& s) { return Simulation(s).run(); }
+Outcome run(const Scenario& s) {
+  if (s.restart_at == 0) return Simulation(s).run();
+  Outcome first;
+  Bytes journal = Simulation(s).run_until(s.restart_at, first.error);
+  if (!first.error.empty()) return first;
+  Dice dice(s.seed ^ 0x7e57);
+  // What a crash leaves of the last writes is anybody's guess.
+  if (!journal.empty() && dice.chance(0.5)) journal.resize(dice.below(journal.size()));
+  Scenario other = s;  // the same job on another cluster
+  other.threads = dice.between(1, 3);
+  if (s.events.empty()) other.hosts = s.hosts + dice.between(0, 2);
+  return Simulation(other, journal).run();
+}
 
 }  // namespace cloudrenderer::sim

@@ -51,6 +51,8 @@ struct Scenario {
     double at;
   };
   std::vector<Event> events;
+  // The manager dies with all hosts, and another cluster goes on from the journal; 0: never.
+  double restart_at = 0;
 };
 Scenario random_scenario(std::uint64_t seed);
 
@@ -60,6 +62,7 @@ struct Outcome {
   std::size_t most_segments = 0;  // waiting in one host
   std::uint64_t frames = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
   std::uint32_t generations = 0;
+  std::uint64_t restored = 0;  // paths, from the journal
 };
 Outcome run(const Scenario& s);
 

@@ -37,15 +37,17 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
     total.asked += o.asked;
     total.wasted += o.wasted;
     total.seconds += o.seconds;
+    total.restored += o.restored;
     total.generations += o.generations > 1 ? 1 : 0;
   }
   // The runs did what they are for.
   EXPECT_GT(total.moved, seeds);
   EXPECT_GT(total.asked, seeds);
   EXPECT_GT(total.generations, seeds / 20);
+  EXPECT_GT(total.restored, seeds);
   std::cout << seeds << " seeds, " << total.seconds << " virtual seconds, " << total.frames
             << " frames, " << total.moved << " moves, " << total.asked << " asks, " << total.wasted
-            << " wasted paths, hosts lost in " << total.generations << " runs\n";
+            << " wasted paths, hosts lost in " << total.generations << " runs, " << total.restored << " paths restored\n";
 }
 
 INSTANTIATE_TEST_SUITE_P(Cluster, Shard, testing::Values(0, 1, 2, 3));

@@ -1,0 +1,95 @@
+#pragma once
+// The journal of a render: a header that names the job, then a record for every renderer task whose
+// sums have reached the film. Bytes to values and back; no files.
+//
+// All numbers are little-endian. The header:
+//   8 bytes "crckpt\r\n", u32 version, u32 bytes of the header, u64 split, u64 fingerprint,
+//   u64 seed, u32 width, height, x0, y0, x1, y1, i32 k, u32 tile, u32 integrator, light_vertices,
+//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 0,
+//   u64 XXH3-64 of all that is before it
+// A record:
+//   u32 "tile", u32 bytes of its body, u64 XXH3-64 of the body, seeded with the header's checksum
+//   plus the body's bytes
+// and its body:
+//   u32 x0, y0, x1, y1 (a tile of the film: whole, or what the frame leaves of it), u32 number of
+//   sample ranges, u8 flags (1: not bit-exact; 2: counts follow), u8 width of a sum in bytes,
+//   u16 0, u64 invalid samples, u64 clamped samples, the ranges (u32 begin, end), then row by row
+//   for every pixel: with flag 2 the samples counted (u32 even, odd), and six sums in two's
+//   complement (even R G B, odd R G B). Without flag 2 every sample of the ranges is counted.
+// Records of one tile have no sample in common. The journal ends at the first record that is cut
+// off, damaged or impossible; what is behind is not looked at.
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "film/film.h"
+#include "integrator/job.h"
+#include "tasks/sample_set.h"
+
+namespace cloudrenderer {
+
+// What all samples of a checkpoint have in common.
+struct CheckpointJob {
+  std::uint64_t split = 0;        // Manifest::content_hash
+  std::uint64_t fingerprint = 0;  // of the hosts; 0: there was none yet
+  std::uint64_t seed = 0;
+  FilmFrame frame;
+  int k = 0;
+  std::uint32_t tile = 0;  // pixels
+  IntegratorKind integrator = IntegratorKind::path;
+  std::uint32_t light_vertices = 0, emission_vertex = 0;
+  SampleSequence::Kind sequence = SampleSequence::Kind::sobol;
+  bool ao_cosine = false;
+  float ao_distance = 0;
+  std::uint32_t footprint_spp = 0;  // that textures are filtered for: of the first run
+  friend bool operator==(const CheckpointJob&, const CheckpointJob&) = default;
+};
+// Tile and fingerprint are the cluster's, and left out.
+CheckpointJob checkpoint_job(std::uint64_t split, const JobSettings& settings);
+
+// "seed 3, this render has seed 0": the first field, but for tile and fingerprint, in which `now`
+// differs from what was `made`; none: `now` can go on.
+std::optional<std::string> difference(const CheckpointJob& made, const CheckpointJob& now);
+
+// Some samples of all pixels of a tile.
+struct TileSums {
+  std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  std::vector<SampleRange> samples;  // ascending, apart
+  std::uint64_t invalid = 0, clamped = 0;
+  bool exact = true;            // no host with other arithmetic took part
+  std::vector<PixelSums> sums;  // row by row
+};
+
+using Bytes = std::vector<std::byte>;
+Bytes encode_header(const CheckpointJob& job);
+// Appends to `out`. `header_checksum`: of encode_header().
+void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& out);
+std::uint64_t header_checksum(std::span<const std::byte> header);
+
+inline constexpr std::size_t kCheckpointHeaderBytes = 112;
+
+// None: the bytes end inside the header, so nothing was recorded. An error for what is no
+// checkpoint, or has a header that cannot be trusted.
+Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> bytes);
+
+// Reads record after record behind a good header.
+class CheckpointReader {
+ public:
+  CheckpointReader(std::span<const std::byte> bytes, const CheckpointJob& job);
+  std::optional<TileSums> next();                     // none: the end, clean or not
+  std::size_t position() const { return position_; }  // behind the last good record
+
+ private:
+  std::optional<TileSums> decode(std::span<const std::byte> body) const;
+
+  std::span<const std::byte> bytes_;
+  CheckpointJob job_;
+  std::uint64_t seed_;
+  std::size_t position_ = kCheckpointHeaderBytes;
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,156 @@
+"""Checkpoints: a render that is killed, cut short or interrupted goes on, and its picture has the same bits."""
+import random
+import shlex
+import signal
+import subprocess
+import time
+
+import numpy as np
+import support
+from support import measure
+
+SIZE, SPP = "128x128", 224
+JOB = ("--spp", SPP, "--resolution", SIZE)
+
+
+class Checkpoints(support.ClusterTest):
+    @classmethod
+    def setUpClass(cls):
+        cls.dice = random.Random(5)
+        cls.pictures = {}
+
+    def setUp(self):
+        super().setUp()
+        self.out, self.ckpt = self.folder / "out.exr", self.folder / "out.ckpt"
+
+    def wanted(self, spp=SPP):
+        if spp not in self.pictures:
+            self.pictures[spp], _ = self.render("wanted", support.SCENE, "--spp", spp, "--resolution", SIZE,
+                                                "--threads", 2)
+        return self.pictures[spp]
+
+    def assert_picture(self, spp=SPP):
+        self.assertTrue(np.array_equal(measure.read_rgb(self.out), self.wanted(spp)),
+                        "the picture differs from the undisturbed one")
+
+    def command(self, *options, job=JOB, scene=support.SCENE, threads=2):
+        return ("render", scene, *job, "--threads", threads, "--quiet", "-o", self.out, *options)
+
+    def expect(self, code, *arguments, words="", report=False):
+        result = self.run_program(*arguments, report=report)
+        self.assertEqual(result.code, code, result.output)
+        if words:
+            self.assertRegex(result.output, words)
+        return result
+
+    def wait_for_bytes(self, least, process, seconds=30):
+        end = time.monotonic() + seconds
+        while not self.ckpt.exists() or self.ckpt.stat().st_size < least:
+            self.assertTrue(process.running() and time.monotonic() < end, f"no checkpoint:\n{self.logs()}")
+            time.sleep(0.02)
+
+    def test_killed_again_and_again(self):
+        for attempt, hosts in enumerate((2, 1, 2)):
+            before = self.ckpt.stat().st_size if attempt else 0
+            run = self.start(f"run{attempt}", *self.command("--hosts", hosts, "--checkpoint", self.ckpt,
+                                                            *(["--resume"] if attempt else []), threads=1))
+            self.wait_for_bytes(before + 1000, run)
+            time.sleep(self.dice.uniform(0, 0.4))
+            self.assertTrue(run.running(), f"it had ended before the kill:\n{run.text()}")
+            run.kill()
+            run.wait(10)
+            self.assert_none_left()
+        report = self.expect(0, *self.command("--hosts", 2, "--checkpoint", self.ckpt, "--resume"), report=True).report
+        self.assertGreater(report["paths_restored"], 0)
+        self.assertLess(report["paths_restored"], report["paths"])
+        self.assertEqual(report["spp_done"], SPP)
+        self.assert_picture()
+        self.assertLess(self.ckpt.stat().st_size, 3_000_000, "the journal of 14 rounds was never compacted")
+        # Of a finished one nothing is left to do.
+        self.out.unlink()
+        report = self.expect(0, *self.command("--checkpoint", self.ckpt, "--resume"), report=True).report
+        self.assertEqual(report["paths_restored"], report["paths"])
+        self.assertEqual(report["hosts"], [])
+        self.assert_picture()
+
+    def test_cut_off_anywhere(self):
+        spp = 48
+        job = ("--spp", spp, "--resolution", SIZE)
+        self.expect(0, *self.command("--checkpoint", self.ckpt, job=job))
+        whole = self.ckpt.read_bytes()
+        for size in (50, self.dice.randrange(len(whole)), len(whole) - 1):
+            with self.subTest(size):
+                self.ckpt.write_bytes(whole[:size])
+                self.expect(0, *self.command("--checkpoint", self.ckpt, "--resume", "--hosts", 2, job=job))
+                self.assert_picture(spp)
+
+    def test_an_interrupt_leaves_a_checkpoint_that_can_be_resumed(self):
+        run = self.start("run", *self.command("--hosts", 2, threads=1))
+        time.sleep(1)
+        run.kill(signal.SIGINT)
+        self.assertEqual(run.wait(20), 5, run.text())
+        self.assert_none_left()
+        self.assertTrue(self.out.exists() and self.ckpt.exists(), run.text())
+        self.expect(0, *self.command("--resume"))  # the default is the file that the interrupt left
+        self.assert_picture()
+
+    def test_samples_are_added_to_a_finished_picture(self):
+        few = ("--spp", 40, "--resolution", SIZE)
+        self.expect(0, *self.command("--checkpoint", self.ckpt, job=few))
+        more = ("--spp", 77, "--resolution", SIZE)
+        report = self.expect(0, *self.command("--checkpoint", self.ckpt, "--resume", "--hosts", 2, job=more),
+                             report=True).report
+        self.assertEqual(report["paths_restored"] * 77, report["paths"] * 40)
+        self.assert_picture(77)
+        self.expect(2, *self.command("--checkpoint", self.ckpt, "--resume", job=few), words="spp 77, .*spp 40")
+
+    def test_errors_name_what_does_not_fit(self):
+        tiny = ("--spp", 2, "--resolution", "32x32")
+        self.expect(0, *self.command("--checkpoint", self.ckpt, "--seed", 3, job=tiny))
+        resume = ("--checkpoint", self.ckpt, "--resume")
+        self.expect(2, *self.command(*resume, job=tiny), words="out.ckpt was made with seed 3, this render has seed 0")
+        self.expect(2, *self.command(*resume, "--seed", 3, job=("--spp", 2, "--resolution", "30x32")),
+                    words="resolution 32x32, this render has resolution 30x32")
+        for options, field in ((("--max-depth", 1), "depth"), (("--crop", "0,0.5,0,1"), "crop"),
+                               (("--integrator", "ambientocclusion"), "integrator"),
+                               (("--part-size", "300KiB"), "split")):
+            self.expect(2, *self.command(*resume, "--seed", 3, *options, job=tiny), words=f"made with {field}")
+        self.expect(2, *self.command("--checkpoint", self.ckpt, "--seed", 3, job=tiny), words="--resume goes on")
+        self.expect(2, *self.command("--checkpoint", self.out, "--resume", job=tiny), words="not a checkpoint")
+        self.expect(2, *self.command("--checkpoint", self.folder / "none" / "x", job=tiny), words="cannot write")
+
+    def test_a_full_disk_ends_in_words_and_a_picture(self):
+        # A limit on the size of files stands for it: the picture fits, the journal does not.
+        split = self.split()  # makes no files when it is rendered
+        spp = 48
+        job = ("--spp", spp, "--resolution", SIZE)
+        command = self.command("--checkpoint", self.ckpt, scene=split, job=job)
+        program = shlex.join(map(str, [support.PROGRAM, *command]))
+        result = subprocess.run(["bash", "-c", f"trap '' XFSZ; ulimit -f 250; exec {program}"], timeout=60,
+                                capture_output=True, text=True)
+        self.assertEqual(result.returncode, 4, result.stderr)
+        self.assertRegex(result.stderr, r"cannot write the checkpoint .*out\.ckpt: File too large")
+        self.assertTrue(self.out.exists())
+        self.expect(0, *command, "--resume")
+        self.assert_picture(spp)
+
+    def test_workers_wait_for_a_manager_that_was_killed(self):
+        split = self.split()
+        ports = support.free_ports(3)
+        options = (*JOB, "--min-hosts", 2, "--quiet", "--checkpoint", self.ckpt)
+        manager = self.start_manager(split, self.out, ports[0], *options)
+        workers = [self.start_worker(f"worker{k}", ports[0], ports[1 + k], "512MiB") for k in range(2)]
+        self.wait_for_bytes(50_000, manager)
+        manager.kill()
+        manager.wait(10)
+        time.sleep(1)
+        manager = self.start_manager(split, self.out, ports[0], *options, "--resume")
+        self.assertEqual(manager.wait(60), 0, self.logs())
+        self.assert_picture()
+        for worker in workers:
+            self.assertEqual(worker.wait(20), 0, self.logs())
+        self.assert_none_left()
+
+
+if __name__ == "__main__":
+    support.main()
