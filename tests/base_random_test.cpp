@@ -64,15 +64,6 @@ TEST(SampleSequence, GroupsOfPairsAreStratifiedAndUncorrelated) {
     }
 }
 
-TEST(SampleSequence, OneDimensionalPointsAreStratified) {
-  for (std::uint32_t dimension = 0; dimension < 50; ++dimension) {
-    std::array<int, 256> count{};
-    for (std::uint32_t i = 0; i < 256; ++i)
-      ++count[static_cast<unsigned>(SampleSequence(Kind::sobol, 1, 77, 2 * i).get_1d(dimension) * 256.f)];
-    for (const int c : count) ASSERT_EQ(c, 1);
-  }
-}
-
 TEST(SampleSequence, PixelsHalvesDimensionsAndSeedsAreUncorrelated) {
   const int n = 20000;
   auto correlation = [&](auto a, auto b) {

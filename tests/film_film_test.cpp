@@ -102,6 +102,26 @@ TEST(Film, HalvesEstimateTheError) {
   EXPECT_NEAR(film.estimated_relmse(1) / expected, 1, 0.05);
 }
 
+TEST(Film, AFireflyIsAnErrorAgainstItsNeighboursAndTheEdgeOfALightIsNot) {
+  const auto film_with = [](float even, float odd, float beside) {
+    Film film({32, 32, 0, 0, 32, 32}, 24);
+    for (std::uint32_t y = 0; y < 32; ++y)
+      for (std::uint32_t x = 0; x < 32; ++x)
+        for (std::uint32_t s = 0; s < 2; ++s) film.at(x, y).add(fixed({1, 1, 1}, 24), s);
+    film.at(8, 8) = {};
+    film.at(8, 8).add(fixed({even, even, even}, 24), 0);
+    film.at(8, 8).add(fixed({odd, odd, odd}, 24), 1);
+    film.at(9, 8) = {};
+    for (std::uint32_t s = 0; s < 2; ++s) film.at(9, 8).add(fixed({beside, beside, beside}, 24), s);
+    return film.estimated_error(1);
+  };
+  const auto firefly = film_with(100, 1, 1);
+  EXPECT_NEAR(firefly.relmse, 99. * 99 / 4 / 1.01 / 1024, 1e-3);
+  EXPECT_EQ(firefly.trimmed, 0) << "the worst 0.1 % are left out";
+  EXPECT_LT(film_with(100, 1, 5000).relmse, firefly.relmse / 1000) << "beside a light";
+  EXPECT_NEAR(film_with(100, 90, 1).relmse, 100. / 4 / (90 * 90 + 0.01) / 1024, 1e-6) << "both halves see it";
+}
+
 TEST(FilmOptions, CropsAsPbrtDoes) {
   Warnings warnings;
   const Entity film = entity("image", {integer("xresolution", 700), integer("yresolution", 500),

@@ -26,7 +26,9 @@ constexpr std::uint32_t reverse_bits(std::uint32_t x) {
 
 // A hash on bit-reversed input whose every bit depends only on lower bits: an Owen scramble of the reversed value.
 // Constants: Burley 2020, "Practical Hash-based Owen Scrambling" (after Laine and Karras), with Vegdahl's improvement.
-constexpr std::uint32_t owen_hash_reversed(std::uint32_t x, std::uint32_t seed) {
+// T: a number, or lanes of them (Bits8).
+template <class T>
+constexpr T owen_hash_reversed(T x, T seed) {
   x ^= x * 0x3d20adeau;
   x += seed;
   x *= (seed >> 16) | 1u;
@@ -36,7 +38,8 @@ constexpr std::uint32_t owen_hash_reversed(std::uint32_t x, std::uint32_t seed) 
 }
 
 // The second Sobol dimension of an index given as it is, bits reversed (the matrix is Pascal's triangle mod 2).
-constexpr std::uint32_t sobol1_reversed(std::uint32_t i) {
+template <class T>
+constexpr T sobol1_reversed(T i) {
   i ^= (i >> 16) & 0x0000ffffu;  // lower triangle by doubling: row r gets C(c, r) mod 2
   i ^= (i & 0xff00ff00u) >> 8;
   i ^= (i & 0xf0f0f0f0u) >> 4;
@@ -48,29 +51,12 @@ constexpr std::uint32_t sobol1_reversed(std::uint32_t i) {
 // Eight numbers that are computed together, on any processor (a vector type of GCC and Clang).
 using Bits8 = std::uint32_t __attribute__((vector_size(32)));
 
-// The functions above need no branch, so that they work on lanes as they are written.
 inline Bits8 reverse_bits(Bits8 x) {
   x = (x << 16) | (x >> 16);
   x = ((x & 0x00ff00ffu) << 8) | ((x >> 8) & 0x00ff00ffu);
   x = ((x & 0x0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0fu);
   x = ((x & 0x33333333u) << 2) | ((x >> 2) & 0x33333333u);
   return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
-}
-inline Bits8 owen_hash_reversed(Bits8 x, Bits8 seed) {
-  x ^= x * 0x3d20adeau;
-  x += seed;
-  x *= (seed >> 16) | 1u;
-  x ^= x * 0x05526c56u;
-  x ^= x * 0x53a22864u;
-  return x;
-}
-inline Bits8 sobol1_reversed(Bits8 i) {
-  i ^= (i >> 16) & 0x0000ffffu;
-  i ^= (i & 0xff00ff00u) >> 8;
-  i ^= (i & 0xf0f0f0f0u) >> 4;
-  i ^= (i & 0xccccccccu) >> 2;
-  i ^= (i & 0xaaaaaaaau) >> 1;
-  return i;
 }
 // A 32-bit finaliser of low bias (Wellons 2018, "Prospecting for Hash Functions").
 inline Bits8 mix32(Bits8 x) {
@@ -90,14 +76,6 @@ class SampleSequence {
       : key_(mix64((std::uint64_t{seed} << 32 | pixel) * 2 + (sample & 1) + 0x9e3779b97f4a7c15u)),
         index_(sample >> 1), kind_(kind) {}
 
-  float get_1d(std::uint32_t dimension) const {
-    const std::uint64_t h = mix64(key_ + std::uint64_t{dimension} * 0xd1342543de82ef95u);
-    const auto lo = static_cast<std::uint32_t>(h), hi = static_cast<std::uint32_t>(h >> 32);
-    if (kind_ == Kind::independent) return to_unit(static_cast<std::uint32_t>(mix64(h ^ index_) >> 32));
-    // Shuffling the index by an Owen scramble in reversed space and then reversing gives the radical inverse's bits.
-    const std::uint32_t shuffled = owen_shuffle(index_, lo);
-    return to_unit(reverse_bits(owen_hash_reversed(shuffled, hi)));
-  }
   Vec2 get_2d(std::uint32_t dimension) const {
     const std::uint64_t h = mix64(key_ + std::uint64_t{dimension} * 0xd1342543de82ef95u);
     const auto lo = static_cast<std::uint32_t>(h), hi = static_cast<std::uint32_t>(h >> 32);
@@ -105,7 +83,8 @@ class SampleSequence {
       const std::uint64_t r = mix64(h ^ index_);
       return {to_unit(static_cast<std::uint32_t>(r >> 32)), to_unit(static_cast<std::uint32_t>(r))};
     }
-    const std::uint32_t shuffled = owen_shuffle(index_, lo);
+    // Shuffling the index by an Owen scramble in reversed space and then reversing gives the radical inverse's bits.
+    const std::uint32_t shuffled = reverse_bits(owen_hash_reversed(reverse_bits(index_), lo));
     const std::uint32_t x = owen_hash_reversed(shuffled, hi);
     const std::uint32_t y = owen_hash_reversed(sobol1_reversed(shuffled), hi * 0x9e3779b9u ^ lo);
     return {to_unit(reverse_bits(x)), to_unit(reverse_bits(y))};
@@ -141,9 +120,6 @@ class SampleSequence {
   }
 
  private:
-  static std::uint32_t owen_shuffle(std::uint32_t i, std::uint32_t seed) {
-    return reverse_bits(owen_hash_reversed(reverse_bits(i), seed));
-  }
   std::uint64_t key_;
   std::uint32_t index_;
   Kind kind_;

@@ -41,8 +41,6 @@ class CheckpointFile {
   };
   void work();
   void write(const Job& job);
-  void sync();
-  [[noreturn]] void fail(const char* what) const;
 
   const std::string path_;
   int fd_ = -1;

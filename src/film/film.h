@@ -71,7 +71,8 @@ class Film {
   // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (m^2 + 0.01), a and
   // b the means of the two halves, m the median of the pixel's and its four neighbours' means, or
   // the smaller of a and b, or a fiftieth of the brightest neighbour (the edge of a light), whatever
-  // is most: the true value that the error is relative to has no fireflies, the pixel's mean has. Pixels without both halves are left out; 0 if there is none.
+  // is most: the true value that the error is relative to has no fireflies, the
+  // pixel's mean has. Pixels without both halves are left out; 0 if there is none.
   double estimated_relmse(float scale) const { return estimated_error(scale).relmse; }
   struct ErrorEstimate {
     double relmse = 0, trimmed = 0;  // trimmed: without the worst 0.1 % of the pixels

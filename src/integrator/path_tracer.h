@@ -14,7 +14,7 @@ namespace cloudrenderer {
 
 // Processor time of the batches, in nanoseconds, for the report.
 struct EngineTime {
-  std::atomic<std::uint64_t> camera{0}, trace{0}, shade{0}, occlusion{0};  // shade: occlusion left out
+  std::atomic<std::uint64_t> camera{0}, trace{0}, shade{0}, occlusion{0};  // shade: with its occlusion
 };
 
 // The light transport: one path tracer for local runs, clusters and simulations.

@@ -4,8 +4,6 @@
 
 namespace cloudrenderer {
 
-namespace {
-
 const char* type_word(ParamType type) {
   switch (type) {
     case ParamType::boolean:
@@ -33,6 +31,8 @@ const char* type_word(ParamType type) {
   }
   return "?";
 }
+
+namespace {
 
 [[noreturn]] void wrong_type(const Param& p, const char* expected) {
   throw SceneError(p.location, "parameter \"" + p.name + "\" must be of type " + expected +

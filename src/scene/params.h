@@ -25,6 +25,7 @@ enum class ParamType : std::uint8_t {
   string,
   texture
 };
+const char* type_word(ParamType type);  // as pbrt-v3 spells it: "point", "rgb"
 
 // One parameter. Spectra of every spelling (rgb, xyz, blackbody, sampled, .spd) have become rgb
 // when it was read.

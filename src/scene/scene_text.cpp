@@ -9,33 +9,10 @@ namespace cloudrenderer {
 
 namespace {
 
+// pbrt-v2 has no points and vectors of two dimensions.
 std::string_view type_word(ParamType type, Dialect dialect) {
-  const bool v2 = dialect == Dialect::v2;
-  switch (type) {
-    case ParamType::boolean:
-      return "bool";
-    case ParamType::integer:
-      return "integer";
-    case ParamType::real:
-      return "float";
-    case ParamType::point2:
-      return v2 ? "float" : "point2";  // v2 has no points of two dimensions
-    case ParamType::vector2:
-      return v2 ? "float" : "vector2";
-    case ParamType::point3:
-      return "point";
-    case ParamType::vector3:
-      return "vector";
-    case ParamType::normal3:
-      return "normal";
-    case ParamType::rgb:
-      return "rgb";
-    case ParamType::string:
-      return "string";
-    case ParamType::texture:
-      return "texture";
-  }
-  return "float";
+  const bool flat = type == ParamType::point2 || type == ParamType::vector2;
+  return dialect == Dialect::v2 && flat ? "float" : type_word(type);
 }
 
 void write_param(std::ostream& out, const Param& p, Dialect dialect) {

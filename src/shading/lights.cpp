@@ -49,15 +49,13 @@ class SceneLights final : public Lights {
     if (chosen < 0) return false;
     const auto number = static_cast<std::size_t>(chosen);
     if (!sample_emitter(number, p, n, u, out)) return false;
-    out.weight_pdf = out.pdf;
+    const float own_pdf = out.pdf;
     out.pdf *= chance;
-    if (is_v2_disk(emitters_[number])) return out.pdf > 0.f && out.pdf < kInfinity;
-    out.weight_pdf = out.pdf;
     if (emitters_[number].kind == EmitterKind::infinite && infinite_.size() > 1) {
       // Every infinite light could have given this direction, and all of them shine from there.
       out.radiance = escaped(p, n, out.wi, out.pdf);
-      out.weight_pdf = out.pdf;
     }
+    out.weight_pdf = is_v2_disk(emitters_[number]) ? own_pdf : out.pdf;
     return out.pdf > 0.f && out.pdf < kInfinity;
   }
 

@@ -36,8 +36,8 @@ struct PlacementInput {
 // a text for people when a host cannot hold the main scene or not every part finds min_replication
 // hosts (or all hosts, if there are fewer). The parts with most visits come to every host, as far as memory
 // allows; of the others, spatial neighbours to the same host until it has its share of the visits (of
-// the bytes, where visits are not known). Memory that is left takes more copies. Room is left for the build that takes most, whatever is
-// there already when it happens.
+// the bytes, where visits are not known). Memory that is left takes more copies. Room is left for
+// the build that takes most, whatever is there already when it happens.
 Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input);
 
 }  // namespace cloudrenderer

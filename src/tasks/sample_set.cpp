@@ -35,10 +35,4 @@ std::vector<SampleRange> SampleSet::gaps(SampleRange within) const {
   return found;
 }
 
-std::uint32_t SampleSet::size() const {
-  std::uint32_t n = 0;
-  for (const SampleRange& r : ranges_) n += r.end - r.begin;
-  return n;
-}
-
 }  // namespace cloudrenderer

@@ -16,8 +16,6 @@ class SampleSet {
   // False, and nothing has changed: the range is empty, or some of it is already there.
   bool add(SampleRange range);
   std::vector<SampleRange> gaps(SampleRange within) const;  // what is missing, ascending
-  std::uint32_t size() const;
-  std::uint32_t end() const { return ranges_.empty() ? 0 : ranges_.back().end; }
   std::span<const SampleRange> ranges() const { return ranges_; }
 
  private:

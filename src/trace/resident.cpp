@@ -50,6 +50,17 @@ RTCRay single_ray(const TraceRay& ray, float t_far) {
   return r;
 }
 
+// The rays of a packet that do not surely miss the part; t_far(i): where ray i ends.
+template <class End>
+std::uint32_t that_may_hit(const LoadedPart& part, const TraceRay* const* rays, std::uint32_t active, End t_far) {
+  if (!part.few_quadrics()) return active;
+  for (std::uint32_t left = active; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(left));
+    if (part.surely_misses(*rays[i], t_far(i))) active &= ~(1u << i);
+  }
+  return active;
+}
+
 template <class Rays>
 void fill_lane(Rays& r, int i, const TraceRay& ray, float t_far) {
   r.org_x[i] = ray.origin.x;
@@ -92,13 +103,8 @@ bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit
 void ResidentSet::intersect8(std::uint32_t part_id, const TraceRay* const* rays, Hit* const* hits,
                              std::uint32_t active) const {
   const LoadedPart& part = *parts_[part_id];
-  if (part.few_quadrics()) {
-    for (std::uint32_t left = active; left; left &= left - 1) {
-      const auto i = static_cast<std::size_t>(std::countr_zero(left));
-      if (part.surely_misses(*rays[i], std::min(rays[i]->t_max, reach(hits[i]->t)))) active &= ~(1u << i);
-    }
-    if (!active) return;
-  }
+  active = that_may_hit(part, rays, active, [&](std::size_t i) { return std::min(rays[i]->t_max, reach(hits[i]->t)); });
+  if (!active) return;
   QueryContext::Lane lanes[8];
   QueryContext context = make_context(part, lanes, true);
   RTCRayHit8 rh;
@@ -130,13 +136,8 @@ bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
 
 std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const TraceRay* const* rays, std::uint32_t active) const {
   const LoadedPart& part = *parts_[part_id];
-  if (part.few_quadrics()) {
-    for (std::uint32_t left = active; left; left &= left - 1) {
-      const auto i = static_cast<std::size_t>(std::countr_zero(left));
-      if (part.surely_misses(*rays[i], rays[i]->t_max)) active &= ~(1u << i);
-    }
-    if (!active) return 0;
-  }
+  active = that_may_hit(part, rays, active, [&](std::size_t i) { return rays[i]->t_max; });
+  if (!active) return 0;
   QueryContext context = make_context(part, nullptr, true);
   RTCRay8 r;
   alignas(32) int valid[8];
