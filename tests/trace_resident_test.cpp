@@ -112,6 +112,22 @@ TEST(Resident, SplitAndOrderOfPartsDoNotChangeTheHit) {
   EXPECT_GT(hits, 30000);
 }
 
+TEST(Resident, FormsOfTheBvhFindTheSameBits) {
+  prepare_compute_thread();
+  const std::uint32_t n = 60;
+  Resident fast({}), passing({});
+  fast.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)), BvhForm::fast);
+  passing.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)), BvhForm::passing);
+  const auto a = fast.snapshot(), b = passing.snapshot();
+  for (const TraceRay& ray : rays_at_terrain(n)) {
+    Hit one, other;
+    a->intersect(1, ray, one);
+    b->intersect(1, ray, other);
+    expect_same(one, other);
+    ASSERT_EQ(a->occluded(1, ray), b->occluded(1, ray));
+  }
+}
+
 TEST(Resident, PacketsFindTheSameBitsAsSingleRays) {
   prepare_compute_thread();
   const std::uint32_t n = 60;

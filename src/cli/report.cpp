@@ -20,6 +20,8 @@ Json report_host(const ManagerCore::HostReport& host, double render_s) {
           {"memory_used", c.memory_used()},
           {"peak_rss", c.peak_rss()},
           {"parts_loaded", c.parts_loaded()},
+          {"paged_in", c.paged_in()},
+          {"paging_s", c.paging_s()},
           {"busy", per(c.busy_s(), render_s * hello.threads())},
           {"cpu_s", c.cpu_s()},
           {"bytes_sent", c.bytes_sent()},

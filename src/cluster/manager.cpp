@@ -207,9 +207,20 @@ void Manager::drain() {
     if (peer->second.link) peer->second.link->close_when_sent();
     peers_.erase(peer);
   }
+  tell_paging();
   draining_ = false;
   ticker_->at(core_.deadline());
   if (config_.changed) config_.changed();
+}
+
+void Manager::tell_paging() {
+  const std::uint32_t parts = core_.progress().paged_parts;
+  if (parts == paged_parts_) return;
+  if (parts > paged_parts_)
+    spdlog::warn("the memory of all hosts is too small for the scene: {} parts are loaded whenever rays need them", parts);
+  else if (parts == 0)
+    spdlog::info("there is memory for all parts now");
+  paged_parts_ = parts;
 }
 
 void Manager::shut() {

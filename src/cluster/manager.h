@@ -41,6 +41,7 @@ class Manager {
   ManagerCore& core() { return core_; }
   // To be called after using core() in a way that may have filled its outbox.
   void drain();
+  void tell_paging();
   // The job is over: every connection is closed when what is queued has left. The io_context runs
   // dry then.
   void shut();
@@ -76,6 +77,7 @@ class Manager {
   std::shared_ptr<Ticker> ticker_;
   std::uint64_t closed_sent_ = 0, closed_received_ = 0, blob_bytes_ = 0;
   bool draining_ = false, shut_ = false;
+  std::uint32_t paged_parts_ = 0;  // that the user knows of
 };
 
 }  // namespace cloudrenderer

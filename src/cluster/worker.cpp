@@ -87,7 +87,7 @@ class Worker {
     GreetingHandlers h;
     h.proved = [this](const auto& session) {
       wire::Hello hello = make_hello(incarnation_, config_.name, config_.memory, config_.threads,
-                                     options_.path_credits);
+                                     options_);
       hello.set_listen(advertised_.to_string());
       hello.set_allow_inexact(config_.allow_inexact);
       if (node_) hello.set_manager(manager_incarnation_);
@@ -282,7 +282,7 @@ std::uint64_t new_incarnation() {
 }
 
 wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory,
-                       unsigned threads, std::uint64_t path_credits) {
+                       unsigned threads, const WorkerOptions& options) {
   wire::Hello h;
   h.set_protocol(wire::kProtocolVersion);
   h.set_incarnation(incarnation);
@@ -291,10 +291,11 @@ wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::
   h.set_threads(threads);
   for (int c = wire::LOADER; c <= wire::INTERSECTION; ++c)
     h.add_categories(static_cast<wire::Category>(c));
-  for (const char* feature : {"triangles", "quadrics", "alpha"}) h.add_features(feature);
+  for (const char* feature : {"triangles", "quadrics", "alpha", "paging"}) h.add_features(feature);
   h.set_instruction_set(kInstructionSet);
   h.set_fingerprint(numeric_fingerprint());
-  h.set_path_credits(path_credits);
+  h.set_path_credits(options.path_credits);
+  h.set_paging_credits(options.paging_credits);
   h.set_version(CLOUDRENDERER_VERSION);
   return h;
 }

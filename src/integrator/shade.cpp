@@ -384,6 +384,13 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   shadows.reserve(batch.size());
   Shader shader{*this, *set, out, shadows, {}, 0, 0, Vec3(0.f)};
   for (std::size_t i = 0; i < batch.size(); ++i) {
+    const std::uint32_t part = batch.hits[i].part;
+    if (part != kNone && !set->has(part)) {
+      out.absent.segments.push_back(batch.segments[i]);
+      out.absent.hits.push_back(batch.hits[i]);
+      out.absent.next.emplace_back(part);
+      continue;
+    }
     shader.s = batch.segments[i];
     shader.end_flags = 0;
     shader.first_shadow = shadows.size();

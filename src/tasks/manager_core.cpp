@@ -17,6 +17,11 @@ bool can(const wire::Hello& hello, wire::Category category) {
              hello.categories().end();
 }
 
+bool has_feature(const wire::Hello& hello, const std::string& feature) {
+  const auto& all = hello.features();
+  return all.empty() || std::find(all.begin(), all.end(), feature) != all.end();
+}
+
 }  // namespace
 
 ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
@@ -83,7 +88,7 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   return id;
 }
 
-Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const {
+PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
   PlacementInput in;
   in.parts = job_.parts;
   in.prototype_bytes = job_.prototype_bytes;
@@ -96,42 +101,68 @@ Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const 
                        std::clamp<double>(h.hello.threads(), 1, kMostThreads), {}, {}};
     host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
-      if (!drop || kept[p.value]++ == 0) host.holds.push_back(p);
-    const auto& features = h.hello.features();
-    for (std::size_t p = 0; p < job_.part_features.size() && !features.empty(); ++p)
+      if (keep == Keep::all || kept[p.value]++ == 0) host.holds.push_back(p);
+    for (std::size_t p = 0; p < job_.part_features.size(); ++p)
       for (const std::string& f : job_.part_features[p])
-        if (std::find(features.begin(), features.end(), f) == features.end())
-          host.cannot.emplace_back(static_cast<std::uint32_t>(p));
+        if (!has_feature(h.hello, f)) host.cannot.emplace_back(static_cast<std::uint32_t>(p));
     in.hosts.push_back(std::move(host));
   }
-  const auto placed = place(in);
-  if (!placed) return Result<Plan>::failure(placed.error());
+  return in;
+}
+
+ManagerCore::Plan ManagerCore::plan_of(const PlacementInput& in, std::vector<std::vector<PartId>> placed) const {
   Plan result;
   for (std::size_t i = 0; i < in.hosts.size(); ++i) {
     const HostId id = in.hosts[i].host;
-    const auto& hold = result.hold[id] = (*placed)[i];
+    const auto& hold = result.hold[id] = std::move(placed[i]);
     for (const PartId p : hosts_.at(id).wanted)
       if (!std::binary_search(hold.begin(), hold.end(), p)) result.drop[id].push_back(p);
   }
   return result;
 }
 
-// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts
-// go.
+Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, Keep keep) const {
+  const PlacementInput in = placement(with_leaving, keep);
+  auto placed = place(in);
+  if (!placed) return Result<Plan>::failure(placed.error());
+  return plan_of(in, std::move(*placed));
+}
+
+// For hosts that have not memory enough for everything.
+Result<ManagerCore::Plan> ManagerCore::plan_paged(bool with_leaving) const {
+  const PlacementInput in = placement(with_leaving, Keep::all);
+  for (const PlacementHost& h : in.hosts)
+    if (!has_feature(hosts_.at(h.host).hello, "paging"))
+      return Result<Plan>::failure("host " + std::to_string(h.host.value) + " cannot load parts for a while");
+  auto placed = place_paged(in);
+  if (!placed) return Result<Plan>::failure(placed.error());
+  Plan result = plan_of(in, std::move(placed->hold));
+  result.paged.insert(placed->paged.begin(), placed->paged.end());
+  return result;
+}
+
+// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts go. Parts
+// that come and go are better than a host that may not.
 std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
   std::string why;
   for (const bool with_leaving : {false, true}) {
-    for (const bool drop : {false, true}) {
-      auto found = plan(with_leaving, drop);
-      if (found) {
-        no_room_since_.reset();
-        no_room_.clear();
-        return std::move(*found);
-      }
-      if (why.empty()) why = found.error();
+    for (const Keep keep : {Keep::all, Keep::one_copy}) {
+      auto found = plan(with_leaving, keep);
+      if (!found && why.empty()) why = found.error();
       // It works without a new host that brings no room, or with the one that wants to leave.
-      if (everything_wanted()) return std::nullopt;
+      if (!found && everything_wanted(with_leaving)) return std::nullopt;
+      if (!found) continue;
+      no_room_since_.reset();
+      no_room_.clear();
+      return std::move(*found);
     }
+    auto paged = plan_paged(with_leaving);
+    if (paged) {
+      no_room_since_.reset();
+      no_room_.clear();
+      return std::move(*paged);
+    }
+    why += "; " + paged.error();
   }
   no_room_ = why;
   if (!no_room_since_) no_room_since_ = now;
@@ -143,11 +174,16 @@ void ManagerCore::place_all(double now) {
   if (hosts_.empty()) return;
   const auto found = find_plan(now);
   if (!found) return;
-  if (!found->drop.empty()) {
-    drop(*found);
-    if (phase_ == Phase::rendering) new_map(true, &*found);
-  }
+  if (adopt(*found) && phase_ == Phase::rendering) new_map(!found->drop.empty(), &*found);
   order(*found);
+}
+
+// True if hosts that take part must be told at once. What gets a holder is paged until it has one (new_map).
+bool ManagerCore::adopt(const Plan& p) {
+  drop(p);
+  const std::size_t before = paged_.size();
+  paged_.insert(p.paged.begin(), p.paged.end());
+  return !p.drop.empty() || paged_.size() != before;
 }
 
 // Takes surplus copies off the books; the hosts are told by the next map, or here before there is
@@ -193,7 +229,7 @@ void ManagerCore::order(const Plan& p) {
   }
 }
 
-// Every part is held by a host that takes part, or (by_leaving) still does.
+// Every part is held by a host that takes part, or (by_leaving) still does, or is nobody's by decision.
 bool ManagerCore::everything_held(bool by_leaving) const {
   std::vector<bool> held(job_.parts.size());
   std::size_t n = 1;
@@ -206,14 +242,15 @@ bool ManagerCore::everything_held(bool by_leaving) const {
       held[p.value] = true;
     }
   }
+  for (const PartId p : paged_) n += held[p.value] ? 0 : 1;
   return someone && n >= job_.parts.size();
 }
 
 // Every part has been ordered somewhere.
-bool ManagerCore::everything_wanted() const {
+bool ManagerCore::everything_wanted(bool by_leaving) const {
   std::set<PartId> wanted;
   for (const auto& [id, h] : hosts_)
-    if (!h.leaving || h.released == 0) wanted.insert(h.wanted.begin(), h.wanted.end());
+    if (!h.leaving || (by_leaving && h.released == 0)) wanted.insert(h.wanted.begin(), h.wanted.end());
   return wanted.size() + 1 >= job_.parts.size();
 }
 
@@ -231,6 +268,7 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
   map.set_generation(generation_);
   map.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
   mapped_all_ = everything_held(true);
+  std::set<PartId> unheld = paged_;
   for (auto& [id, h] : hosts_) {
     if (!h.started) continue;
     h.mapped = true;
@@ -240,8 +278,13 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
     if (h.holds.empty()) continue;
     wire::Holding& holding = *map.add_holdings();
     holding.set_host(id.value);
-    for (const PartId p : h.holds) holding.add_parts(p.value);
+    for (const PartId p : h.holds) {
+      holding.add_parts(p.value);
+      unheld.erase(p);
+      if (!h.leaving) paged_.erase(p);
+    }
   }
+  for (const PartId p : unheld) map.add_paged(p.value);
   if (with_drops) {
     for (const auto& [id, parts] : with_drops->drop) {
       wire::Holding& drops = *map.add_drops();
@@ -380,9 +423,8 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false))
     found = find_plan(now);
   if (finished()) return;
-  if (found) drop(*found);
-  const bool drops = found && !found->drop.empty();
-  if (told || (drops && phase_ == Phase::rendering))
+  const bool changed = found && adopt(*found), drops = found && !found->drop.empty();
+  if (told || (changed && phase_ == Phase::rendering))
     new_map(lost || drops, found ? &*found : nullptr);
   if (found) order(*found);
   check_loaded(now);
@@ -428,6 +470,7 @@ ManagerCore::Progress ManagerCore::progress() const {
     ++p.hosts;
     if (!h.complete()) ++p.hosts_loading;
   }
+  p.paged_parts = static_cast<std::uint32_t>(paged_.size());
   p.epoch = epoch_;
   p.generation = generation_;
   return p;

@@ -126,6 +126,7 @@ class ManagerCore {
     std::uint64_t paths_done = 0, paths_total = 0;
     std::uint64_t paths_restored = 0;  // of those done: by an earlier run
     std::uint32_t hosts = 0, hosts_loading = 0;
+    std::uint32_t paged_parts = 0;  // that no host holds, for want of memory
     std::uint64_t invalid_samples = 0, clamped_samples = 0;
     std::uint32_t epoch = 0, generation = 0;
     std::uint64_t dropped_messages = 0;
@@ -166,14 +167,20 @@ class ManagerCore {
   // What hosts shall hold from now on; with `drop`, surplus copies may go to make room.
   struct Plan {
     std::map<HostId, std::vector<PartId>> hold, drop;
+    std::set<PartId> paged;  // nobody's
   };
-  Result<Plan> plan(bool with_leaving, bool drop) const;
+  enum class Keep { all, one_copy };  // of what hosts hold already
+  PlacementInput placement(bool with_leaving, Keep keep) const;
+  Result<Plan> plan(bool with_leaving, Keep keep) const;
+  Result<Plan> plan_paged(bool with_leaving) const;
+  Plan plan_of(const PlacementInput& in, std::vector<std::vector<PartId>> hold) const;
   std::optional<Plan> find_plan(double now);  // or none: nothing to do, or no room (see no_room_)
   void place_all(double now);
+  bool adopt(const Plan& p);
   void drop(const Plan& p);
   void order(const Plan& p);
   bool everything_held(bool by_leaving) const;
-  bool everything_wanted() const;
+  bool everything_wanted(bool by_leaving) const;
   std::uint64_t main_bytes() const;
   void new_map(bool generation, const Plan* with_drops = nullptr);
   void send_host_list();
@@ -223,6 +230,7 @@ class ManagerCore {
   std::uint32_t next_host_ = 1;
   std::uint32_t epoch_ = 0, generation_ = 0;
   bool mapped_all_ = false;  // every part had a holder in the last map
+  std::set<PartId> paged_;   // parts that have none, for want of memory: hosts load them for a while
   std::optional<std::uint64_t> fingerprint_;
   bool bit_exact_ = true;
 

@@ -125,8 +125,8 @@ void ManagerCore::hand_out(double now) {
     more = false;
     for (auto& [id, h] : hosts_) {
       if (!eligible(h)) continue;
-      const std::uint64_t credits =
-          h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
+      std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
+      if (!paged_.empty()) credits = std::max(credits, h.hello.paging_credits());
       const std::uint64_t share = std::max(task_paths(h, hosts), unassigned_paths_ / (2 * hosts));
       if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, share)) continue;
       const auto range = next_range(task_paths(h, hosts));

@@ -46,6 +46,7 @@ double WorkerCore::deadline() const {
     if (!g.ends.empty() && known(to)) t = std::min(t, g.ends_since + options_.block_age_s);
   }
   for (const Stranded& s : stranded_) t = std::min(t, s.since + options_.retry_s);
+  if (next_page_ > now_ && !paged_.empty()) t = std::min(t, next_page_);
   return t;
 }
 
@@ -96,7 +97,7 @@ void WorkerCore::forget_in_flight() {
     if (is_path_work(task.category) && task.state != TaskState::running) ended.push_back(id);
   for (const Uuid id : ended) {
     const Task& task = tasks_.at(id);
-    const bool at_lost_host = task.state == TaskState::waiting && !known(task.target);
+    const bool at_lost_host = task.state == TaskState::waiting && task.target && !known(task.target);
     move(id, at_lost_host ? k_target_lost : l_discard);
   }
   waiting_.clear();
@@ -107,6 +108,7 @@ void WorkerCore::forget_in_flight() {
   ready_occlude_.clear();
   ready_resolve_.clear();
   stranded_.clear();
+  paged_.clear();
   queued_ = local_queued_ = shade_queued_ = kept_ = 0;
   for (auto it = gather_.begin(); it != gather_.end();) {
     auto ends = std::move(it->second.ends);  // samples that are done need not be made again
@@ -139,6 +141,8 @@ void WorkerCore::forget_job() {
   job_.reset();
   job_ready_ = false;
   drops_ = 0;
+  pages_.clear();
+  next_page_ = pages_declined_ = 0;
 }
 
 void WorkerCore::handle(HostId from, wire::LoadParts& m) {
@@ -147,7 +151,7 @@ void WorkerCore::handle(HostId from, wire::LoadParts& m) {
     Task& task = create(TaskCategory::loader);
     move(task, a_accept);
     Work work;
-    work.what = LoadWork{{PartId(p)}};
+    work.what = LoadWork{{PartId(p)}, {}};
     ready_load_.push_back({task.id, std::move(work), 0});
   }
 }
@@ -211,6 +215,7 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
       if (d.host() == self_.value) unload({d.parts().begin(), d.parts().end()}, true);
   } else {
     regroup();
+    wake_all();  // some parts may have got a holder
   }
   retry_stranded(true);
   for (auto& [sender, submit] : std::exchange(early_, {})) handle(sender, submit);

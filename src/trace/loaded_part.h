@@ -14,7 +14,7 @@ inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kFirstInstance = 2;
 class LoadedPart {
  public:
   LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, Part part,
-             std::vector<std::shared_ptr<const LoadedPart>> prototypes);
+             std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form);
   ~LoadedPart();
   LoadedPart(const LoadedPart&) = delete;
   LoadedPart& operator=(const LoadedPart&) = delete;
@@ -56,6 +56,7 @@ class LoadedPart {
   Part part_;
   std::vector<std::shared_ptr<const LoadedPart>> prototypes_;  // by prototype number; those the instances need
   bool has_alpha_ = false, few_quadrics_ = false;
+  RTCBuildQuality quality_ = RTC_BUILD_QUALITY_MEDIUM;
   struct BoundingSphere {
     Vec3 center;
     float radius;

@@ -31,18 +31,30 @@ std::vector<PixelSums> reference(const Scenario& s) {
   return film;
 }
 
+std::uint64_t part_bytes(const Scenario& s, std::uint32_t part) {
+  return part == 0 ? 10 : kPartBytes + mix64(s.seed + part) % 20;
+}
+
 class Loader final : public PartLoader {
  public:
-  explicit Loader(const MadeUpScene& scene) : engine(scene) { engine.resident.insert(0); }
+  explicit Loader(const Scenario& s) : engine(s.scene), s_(s) { engine.resident.insert(0); }
   MadeUpEngine engine;
+  bool has_room(PartId p, BvhForm) const override { return bytes_used() + part_bytes(s_, p.value) <= s_.memory; }
   std::string start_job(const wire::JobStart&) override { return {}; }
-  std::string load(PartId p) override {
-    engine.resident.insert(p.value);
+  std::string load(PartId p, BvhForm) override {
+    if (!engine.resident.insert(p.value).second) return "is there already";
     return {};
   }
   void unload(PartId p) override { engine.resident.erase(p.value); }
   void end_job() override { engine.resident = {0}; }
-  std::uint64_t bytes_used() const override { return engine.resident.size() * kPartBytes; }
+  std::uint64_t bytes_used() const override {
+    std::uint64_t bytes = 0;
+    for (const std::uint32_t p : engine.resident) bytes += part_bytes(s_, p);
+    return bytes;
+  }
+
+ private:
+  const Scenario& s_;
 };
 
 struct Node {
@@ -122,8 +134,7 @@ class Simulation {
     j.spp = s_.spp;
     j.seed = s_.seed;
     for (std::uint32_t p = 0; p < s_.scene.parts; ++p)
-      j.parts.push_back(
-          {p == 0 ? 10 : kPartBytes + mix64(s_.seed + p) % 20, Vec3(static_cast<float>(p)), {}});
+      j.parts.push_back({part_bytes(s_, p), Vec3(static_cast<float>(p)), {}});
     j.start.set_job(s_.seed + 1);
     j.start.set_part_count(s_.scene.parts);
     j.start.set_width(s_.scene.width);
@@ -168,6 +179,7 @@ class Simulation {
     hello.set_threads(s_.threads);
     hello.set_memory(s_.memory);
     hello.set_path_credits(s_.worker.path_credits);
+    hello.set_paging_credits(s_.worker.paging_credits);
     hello.set_incarnation(incarnation_of(HostId(static_cast<std::uint32_t>(nodes_.size()))));
     const auto id = manager_.join(hello, now_);
     if (!id) {
@@ -179,7 +191,7 @@ class Simulation {
     WorkerOptions options = s_.worker;
     options.threads = s_.threads;
     node->core = std::make_unique<WorkerCore>(*id, incarnation_of(*id), options);
-    node->loader = std::make_unique<Loader>(s_.scene);
+    node->loader = std::make_unique<Loader>(s_);
     node->wake = kEndOfTime * 2;
     nodes_.push_back(std::move(node));
     pump(*nodes_.back());
@@ -348,12 +360,13 @@ class Simulation {
     while (const auto tile = reader.next()) (void)again.restore(*tile);
     if (!again.finished()) return fail("the journal does not have everything");
     // A path waits at one host, and while it moves at two.
-    const std::uint64_t hosts = nodes_.size() - 1, bound = 2 * hosts * s_.worker.path_credits;
+    const std::uint64_t hosts = nodes_.size() - 1, bound = 2 * hosts * std::max(s_.worker.path_credits, s_.worker.paging_credits);
     if (out_.most_segments > bound)
       return fail("a host held " + std::to_string(out_.most_segments) + " segments");
     for (const auto& n : nodes_)
       if (n->core && n->alive && manager_.hosts().at(n->id).last.final()) check_empty(*n);
     for (const auto& [id, report] : manager_.hosts()) {
+      out_.paged_in += report.last.counters().paged_in();
       out_.moved += report.last.counters().moved();
       out_.asked += report.last.counters().shadow_asked();
       out_.wasted += report.last.counters().wasted_paths();
@@ -453,6 +466,9 @@ Scenario random_scenario(std::uint64_t seed) {
   if (d.chance(0.25)) s.restart_at = 0.03 + 0.3 * d.real() * d.real();
   const std::uint64_t all = s.scene.parts * (kPartBytes + 20) * std::min(s.replication, least);
   s.memory = d.chance(0.2) ? 100'000 : 10 + all * 13 / 10 / least + 3 * (kPartBytes + 20);
+  // Too little for one copy: parts come and go.
+  s.worker.paging_credits = s.worker.path_credits * d.between(1, 4);
+  if (d.chance(0.2)) s.memory = 10 + (kPartBytes + 20) * d.between(1, 1 + s.scene.parts / s.hosts / 2);
   return s;
 }
 

@@ -60,6 +60,7 @@ struct Outcome {
   std::string error;              // "": all is as it must be
   double seconds = 0;             // virtual
   std::size_t most_segments = 0;  // waiting in one host
+  std::uint64_t paged_in = 0;
   std::uint64_t frames = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
   std::uint32_t generations = 0;
   std::uint64_t restored = 0;  // paths, from the journal

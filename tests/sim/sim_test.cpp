@@ -38,6 +38,7 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
     total.wasted += o.wasted;
     total.seconds += o.seconds;
     total.restored += o.restored;
+    total.paged_in += o.paged_in;
     total.generations += o.generations > 1 ? 1 : 0;
   }
   // The runs did what they are for.
@@ -45,9 +46,11 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
   EXPECT_GT(total.asked, seeds);
   EXPECT_GT(total.generations, seeds / 20);
   EXPECT_GT(total.restored, seeds);
+  EXPECT_GT(total.paged_in, seeds);
   std::cout << seeds << " seeds, " << total.seconds << " virtual seconds, " << total.frames
             << " frames, " << total.moved << " moves, " << total.asked << " asks, " << total.wasted
-            << " wasted paths, hosts lost in " << total.generations << " runs, " << total.restored << " paths restored\n";
+            << " wasted paths, hosts lost in " << total.generations << " runs, " << total.restored << " paths restored, "
+            << total.paged_in << " parts paged in\n";
 }
 
 INSTANTIATE_TEST_SUITE_P(Cluster, Shard, testing::Values(0, 1, 2, 3));
