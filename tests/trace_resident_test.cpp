@@ -67,7 +67,7 @@ std::vector<TraceRay> rays_at_terrain(std::uint32_t n) {
   std::mt19937 rng(11);
   std::uniform_real_distribution<float> u(0, 1);
   std::vector<TraceRay> rays;
-  for (int i = 0; i < 40000; ++i) {
+  for (int i = 0; i < 80000; ++i) {
     TraceRay r;
     const float size = static_cast<float>(n);
     // Half of the rays aim at vertices and edges exactly, where triangles tie.

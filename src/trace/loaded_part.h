@@ -96,8 +96,9 @@ struct QueryContext {
   Lane* lanes = nullptr;
 };
 // Where a ray must end so that a hit at t is still offered. Embree compares numerators (T <= |den| * t_far), which
-// loses half of the hits that tie with the best one by rounding.
-inline float reach(float t) { return t * (1.f + 0x1p-21f); }
+// loses half of the hits that tie with the best one by rounding; and the box of a triangle that ties at a vertex may begin
+// behind the computed distance of that vertex, by more than the few ulps that its robust box test forgives.
+inline float reach(float t) { return t * (1.f + 0x1p-16f); }
 
 inline constexpr std::uint32_t kForeign = 0xfffffffeu;
 
