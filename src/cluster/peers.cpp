@@ -183,6 +183,11 @@ void Peers::closed(const std::shared_ptr<Session>& session, const std::string& r
   spawn_connector(host, peer->second);
 }
 
+void Peers::close_silent(double seconds) {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [host, peer] : peers_) peer.link->close_if_silent(seconds);
+}
+
 bool Peers::drained() const {
   const std::lock_guard lock(mutex_);
   return std::all_of(peers_.begin(), peers_.end(),

@@ -37,6 +37,7 @@ class Peers {
   std::pair<std::uint64_t, std::uint64_t> bytes() const;   // any thread: sent and received
   bool drained() const;                         // any thread: all that was sent is acknowledged
   void accept(std::unique_ptr<Stream> stream);  // on the I/O thread, as what follows
+  void close_silent(double seconds);            // see PeerLink::close_if_silent
 
  private:
   struct Peer {
