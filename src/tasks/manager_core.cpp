@@ -78,6 +78,7 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   welcome.set_lost_after_s(options_.lost_after_s);
   send(id, std::move(welcome));
   send(id, job_.start);
+  next_growth_ = now + options_.map_every_s;
   if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
   if (phase_ != Phase::gathering) place_all(now);
   return id;
@@ -89,14 +90,23 @@ Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const 
   in.prototype_bytes = job_.prototype_bytes;
   in.min_replication = options_.replication;
   in.seed = job_.seed;
-  std::vector<std::size_t> kept(job_.parts.size());  // copies that a placement may not move
+  const auto eligible = [&](const Host& h) {
+    return (!h.leaving || (with_leaving && h.released == 0)) && can(h.hello, wire::TRACER);
+  };
+  // The copies that a placement with `drop` may not move: of every part one, that is loaded if any is.
+  std::vector<const Host*> keepers(job_.parts.size());
   for (const auto& [id, h] : hosts_) {
-    if ((h.leaving && (!with_leaving || h.released != 0)) || !can(h.hello, wire::TRACER)) continue;
+    if (!eligible(h)) continue;
+    for (const PartId p : h.wanted)
+      if (const Host*& k = keepers[p.value]; !k || (!k->holds.contains(p) && h.holds.contains(p))) k = &h;
+  }
+  for (const auto& [id, h] : hosts_) {
+    if (!eligible(h)) continue;
     PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen),
                        std::clamp<double>(h.hello.threads(), 1, kMostThreads), {}, {}};
     host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
-      if (!drop || kept[p.value]++ == 0) host.holds.push_back(p);
+      if (!drop || keepers[p.value] == &h) host.holds.push_back(p);
     const auto& features = h.hello.features();
     for (std::size_t p = 0; p < job_.part_features.size() && !features.empty(); ++p)
       for (const std::string& f : job_.part_features[p])
@@ -119,6 +129,8 @@ Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const 
 // The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts
 // go.
 std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
+  if (std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.released != 0; }))
+    return std::nullopt;  // all of them are going: the next one that joins is waited for
   std::string why;
   for (const bool with_leaving : {false, true}) {
     for (const bool drop : {false, true}) {
@@ -130,7 +142,7 @@ std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
       }
       if (why.empty()) why = found.error();
       // It works without a new host that brings no room, or with the one that wants to leave.
-      if (everything_wanted()) return std::nullopt;
+      if (everything_wanted(true)) return std::nullopt;
     }
   }
   no_room_ = why;
@@ -209,11 +221,11 @@ bool ManagerCore::everything_held(bool by_leaving) const {
   return someone && n >= job_.parts.size();
 }
 
-// Every part has been ordered somewhere.
-bool ManagerCore::everything_wanted() const {
+// Every part has been ordered at a host that takes part, or (by_leaving) still does.
+bool ManagerCore::everything_wanted(bool by_leaving) const {
   std::set<PartId> wanted;
   for (const auto& [id, h] : hosts_)
-    if (!h.leaving || h.released == 0) wanted.insert(h.wanted.begin(), h.wanted.end());
+    if (!h.leaving || (by_leaving && h.released == 0)) wanted.insert(h.wanted.begin(), h.wanted.end());
   return wanted.size() + 1 >= job_.parts.size();
 }
 
@@ -229,6 +241,7 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
   wire::SceneHostMap map;
   map.set_epoch(epoch_);
   map.set_generation(generation_);
+  map.set_pause(pause_ != 0);
   map.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
   mapped_all_ = everything_held(true);
   for (auto& [id, h] : hosts_) {
@@ -296,11 +309,15 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
 void ManagerCore::check_loaded(double now) {
   if (phase_ == Phase::loading && everything_held(true)) return begin_rendering(now);
   if (phase_ != Phase::rendering) return;
-  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
-    return e.second.complete() && !e.second.leaving &&
-           (!e.second.mapped || e.second.holds.size() != e.second.mapped_parts);
+  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [&](const auto& e) {
+    const Host& h = e.second;
+    return !h.leaving && (h.complete() || (!h.holds.empty() && now >= next_growth_)) &&
+           (!h.mapped || h.holds.size() != h.mapped_parts);
   });
-  if (more || (!mapped_all_ && everything_held(true))) new_map(false);
+  if (more || (!mapped_all_ && everything_held(true))) {
+    new_map(false);
+    next_growth_ = now + options_.map_every_s;
+  }
   std::vector<HostId> leaving;
   for (const auto& [id, h] : hosts_)
     if (h.leaving) leaving.push_back(id);
@@ -317,7 +334,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
   reports_[from].last = m;
   h.final = m.final();
   h.status = std::move(m);
-  if (h.leaving) return try_release(from, now);
+  end_pause(now);
+  if (hosts_.contains(from) && h.leaving) return try_release(from, now);
   check_final(now);
 }
 
@@ -326,7 +344,35 @@ void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
   h.leaving = true;
   h.entry.set_leaving(true);
   if (phase_ != Phase::gathering) place_all(now);
+  if (!finished()) make_room(now);
   if (!finished()) try_release(from, now);
+}
+
+// What leaving hosts hold finds room only where surplus copies make it, and a part can be dropped
+// only when no path is under way: else all of them would be made again. So nobody begins any until
+// all have ended.
+void ManagerCore::make_room(double now) {
+  if (phase_ != Phase::rendering || pause_ != 0 || everything_wanted(false)) return;
+  const bool asked = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& h) {
+    return h.second.leaving && h.second.released == 0;
+  });
+  if (!asked || !plan(false, true)) return;
+  pause_ = epoch_ + 1;
+  new_map(false);
+  end_pause(now);
+}
+
+void ManagerCore::end_pause(double now) {
+  if (pause_ == 0 || phase_ != Phase::rendering) return;
+  for (const auto& [id, h] : hosts_)
+    if (h.mapped && (h.status.epoch() < pause_ || h.status.live_paths() != 0)) return;
+  pause_ = 0;
+  const auto found = plan(false, true);
+  if (!found || everything_wanted(false)) return new_map(false);
+  drop(*found);
+  new_map(true, &*found);
+  order(*found);
+  check_loaded(now);
 }
 
 // A leaving host goes when others hold its parts, and its own renderer tasks and all that it
@@ -338,7 +384,11 @@ void ManagerCore::try_release(HostId id, double now) {
   const bool taking_part = phase_ == Phase::rendering && h.mapped;
   if (taking_part) {
     if (h.released == 0) {
-      if (!everything_held(false)) return;
+      // With nobody who stays there is nobody to hand over to.
+      const bool last = outstanding_.empty() && std::all_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
+        return e.second.leaving;
+      });
+      if (!last && !everything_held(false)) return;
       h.released = epoch_ + 1;
       new_map(false);
       return;
@@ -377,14 +427,23 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   const bool told = phase_ == Phase::rendering &&
                     mapped;  // the others know the host, and must learn that it is gone
   std::optional<Plan> found;
-  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false))
-    found = find_plan(now);
+  if (phase_ != Phase::gathering && !hosts_.empty()) {
+    if (!everything_held(false)) {
+      found = find_plan(now);
+    } else {  // other copies take the place of those that are gone; dropping some costs nothing more now
+      auto more = plan(false, false);
+      if (!more && lost) more = plan(false, true);
+      if (more) found = std::move(*more);
+    }
+  }
   if (finished()) return;
   if (found) drop(*found);
   const bool drops = found && !found->drop.empty();
-  if (told || (drops && phase_ == Phase::rendering))
+  const bool paused = std::exchange(pause_, 0) != 0;
+  if (told || ((drops || paused) && phase_ == Phase::rendering))
     new_map(lost || drops, found ? &*found : nullptr);
   if (found) order(*found);
+  make_room(now);
   check_loaded(now);
   if (phase_ == Phase::rendering) check_end(now);
 }
@@ -408,6 +467,10 @@ void ManagerCore::check_unreachable(double now) {
 void ManagerCore::tick(double now) {
   next_tick_ = now + 0.5 * options_.heartbeat_s;
   if (finished()) return;
+  // Who was away itself (stopped, its machine moved) cannot say who was silent meanwhile.
+  if (last_tick_ && now - *last_tick_ > 0.5 * options_.lost_after_s)
+    for (auto& [id, h] : hosts_) h.heard = now;
+  last_tick_ = now;
   std::vector<HostId> silent;
   for (const auto& [id, h] : hosts_)
     if (now - h.heard > options_.lost_after_s) silent.push_back(id);
