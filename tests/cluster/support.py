@@ -53,13 +53,13 @@ def wait_until_listening(port, seconds=20):
 
 
 class Process:
-    """A running program whose output goes to a file."""
+    """A running program whose output goes to a file. `prefix`: a command that becomes the program (`ip netns exec`)."""
 
-    def __init__(self, name, arguments, folder, mark):
+    def __init__(self, name, arguments, folder, mark, prefix=()):
         self.name = name
         self.log = folder / f"{name}.log"
         with open(self.log, "w") as log:
-            self.child = subprocess.Popen([str(a) for a in [PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
+            self.child = subprocess.Popen([str(a) for a in [*prefix, PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
                                           stdin=subprocess.DEVNULL, env=os.environ | {MARK: mark},
                                           preexec_fn=measure.die_with_parent)
 
@@ -124,8 +124,8 @@ class ClusterTest(unittest.TestCase):
             os.kill(pid, signal.SIGKILL)
         self.assertEqual(left, [], "processes were left behind")
 
-    def start(self, name, *arguments):
-        process = Process(name, arguments, self.folder, self.mark)
+    def start(self, name, *arguments, prefix=()):
+        process = Process(name, arguments, self.folder, self.mark, prefix)
         self.processes.append(process)
         return process
 
