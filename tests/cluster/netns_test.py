@@ -5,6 +5,7 @@ import itertools
 import json
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -78,6 +79,13 @@ class Network:
                 "32kbit", "latency", "400ms")
 
 
+def remove_leftovers():
+    """Namespaces of earlier runs of this test that were killed."""
+    for name in re.findall(r"^cr\d+-\d+", run("ip", "netns", "list").stdout, re.MULTILINE):
+        if not os.path.exists(f"/proc/{name[2:].partition('-')[0]}"):
+            run("ip", "netns", "del", name, check=False)
+
+
 def why_not():
     """Why this cannot run here, or None."""
     if os.geteuid() != 0:
@@ -86,6 +94,7 @@ def why_not():
     if missing:
         return f"{' and '.join(missing)} not found (Debian: iproute2)"
     try:
+        remove_leftovers()
         Network(2).remove()
     except (OSError, subprocess.SubprocessError) as e:
         return f"no network namespaces here: {getattr(e, 'stderr', '') or e}"
