@@ -115,9 +115,9 @@ TEST_F(Sessions, TakeFramesThatComeInAnyPieces) {
 TEST_F(Sessions, AreClosedOnALengthThatNobodyMaySend) {
   listen();
   for (const std::uint32_t length :
-       {0xffffffffu, 0u, 15u, static_cast<std::uint32_t>(wire::kMaxFrameBytes) + 1}) {
+       {0xffffffffu, 0u, 19u, static_cast<std::uint32_t>(wire::kMaxFrameBytes) + 1}) {
     tcp::socket s = connect();
-    std::array<std::uint32_t, 5> words{length};
+    std::array<std::uint32_t, wire::kFrameHeaderBytes / 4> words{length};
     asio::write(s, asio::buffer(words));
     const int before = closed_;
     run_until([&] { return closed_ == before + 1; });
@@ -189,7 +189,7 @@ TEST_F(Sessions, ManyAtATimeAreNoTrouble) {
     asio::write(sockets.back(), asio::buffer(frame(bytes_of(100, i), 1)));
   }
   for (int i = 0; i < 200; ++i)
-    EXPECT_EQ(read(sockets[static_cast<std::size_t>(i)], 120), frame(bytes_of(100, i), 1));
+    EXPECT_EQ(read(sockets[static_cast<std::size_t>(i)], 100 + wire::kFrameHeaderBytes), frame(bytes_of(100, i), 1));
   sockets.clear();
   run_until([&] { return closed_ == 200; });
 }

@@ -122,6 +122,116 @@ TEST(ManagerCore, LosesASilentHost) {
   EXPECT_EQ(c.core.progress().hosts, 1u);
 }
 
+TEST(ManagerCore, BlamesNobodyForTheSilenceWhileItWasAwayItself) {
+  Cluster c;
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  c.core.tick(0.5);
+  c.core.tick(60);  // it was stopped for a minute
+  EXPECT_EQ(c.core.progress().hosts, 2u);
+  for (double t = 60; t < 64; t += 0.5) {
+    c.core.receive(a, wire::Status(), t);
+    c.core.tick(t);
+  }
+  EXPECT_EQ(c.core.take_gone(), (std::vector<HostId>{b}));
+}
+
+TEST(ManagerCore, GoesOnAtOnceWhenOneHostLessThanCopiesIsLost) {
+  ManagerOptions o;
+  o.min_hosts = 6;
+  o.replication = 3;
+  Cluster c(o, job(13, 256, 64));
+  std::vector<HostId> hosts;
+  for (std::uint32_t i = 0; i < o.min_hosts; ++i) hosts.push_back(c.join(1000));
+  for (const HostId h : hosts) c.report_loaded(h);
+  ASSERT_EQ(c.core.phase(), Phase::rendering);
+  ASSERT_LT(c.ordered[hosts[0]].size(), 12u) << "a host that has everything proves nothing";
+  const auto before = c.ordered;
+  for (const HostId h : {hosts[1], hosts[4]}) {
+    c.core.host_lost(h, 1);
+    c.gone.insert(h);
+  }
+  c.work(50);  // no host has reported a part since
+  std::set<std::uint32_t> held;
+  const HostId first = hosts[0];
+  for (const auto& h : c.maps[first].holdings()) held.insert(h.parts().begin(), h.parts().end());
+  EXPECT_EQ(held.size(), 12u);
+  EXPECT_GT(c.core.progress().paths_done, 0u);
+  // Meanwhile the lost copies are made again, where there is room.
+  std::map<std::uint32_t, int> copies;
+  for (const HostId h : {hosts[0], hosts[2], hosts[3], hosts[5]})
+    for (const std::uint32_t p : c.ordered[h]) ++copies[p];
+  for (std::uint32_t p = 1; p < 13; ++p) EXPECT_GE(copies[p], 3) << "part " << p;
+  EXPECT_NE(before, c.ordered);
+}
+
+TEST(ManagerCore, MakesRoomForThePartsOfALeavingHostWithoutLosingAPath) {
+  ManagerOptions o;
+  o.min_hosts = 3;
+  Cluster c(o, job(13, 256, 64));
+  const HostId a = c.join(800), b = c.join(800), d = c.join(800);  // room for seven parts of twelve
+  for (const HostId h : {a, b, d}) c.report_loaded(h);
+  ASSERT_EQ(c.core.phase(), Phase::rendering);
+  const auto status = [&](HostId h, std::uint64_t live) {
+    wire::Status s;
+    s.set_epoch(c.maps[h].epoch());
+    s.set_live_paths(live);
+    c.core.receive(h, s, c.now);
+    c.listen();
+  };
+  const auto before = c.ordered;
+  const auto generation = c.maps[a].generation();
+  const HostId going = [&] {  // whose parts the others' room is too full for
+    for (const HostId h : {a, b, d}) {
+      std::set<std::uint32_t> others;
+      for (const HostId x : {a, b, d})
+        if (x != h) others.insert(c.ordered[x].begin(), c.ordered[x].end());
+      if (others.size() < 12) return h;
+    }
+    return HostId(0);
+  }();
+  ASSERT_NE(going, HostId(0)) << "every two hosts hold everything";
+  c.core.receive(going, wire::Leave(), c.now);
+  c.listen();
+  EXPECT_TRUE(c.maps[a].pause());
+  EXPECT_EQ(c.maps[a].generation(), generation);
+  status(a, 0);
+  status(b, 5);
+  status(d, 0);
+  EXPECT_TRUE(c.maps[a].pause());
+  status(b, 0);
+  EXPECT_FALSE(c.maps[a].pause());
+  EXPECT_GT(c.maps[a].drops_size(), 0);
+  EXPECT_NE(c.ordered, before);
+  std::set<std::uint32_t> others;
+  for (const HostId h : {a, b, d})
+    if (h != going) others.insert(c.ordered[h].begin(), c.ordered[h].end());
+  EXPECT_EQ(others.size(), 12u);
+}
+
+TEST(ManagerCore, LetsTheLastHostGoWithNobodyToHandOverTo) {
+  Cluster c({}, job(5, 64, 64));
+  const HostId a = c.join();
+  c.report_loaded(a);
+  c.core.receive(a, wire::Leave(), 1);
+  c.work();  // what it has begun
+  wire::Status idle;
+  idle.set_idle(true);
+  idle.set_epoch(c.maps[a].epoch());
+  c.core.receive(a, idle, 2);
+  c.listen();
+  idle.set_epoch(c.maps[a].epoch());
+  c.core.receive(a, idle, 3);
+  c.listen();
+  EXPECT_TRUE(c.ended.contains(a));
+  EXPECT_EQ(c.core.phase(), Phase::rendering);
+  const HostId b = c.join();
+  c.report_loaded(b);
+  c.work();
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+}
+
 TEST(ManagerCore, LoadsPartsWithoutAHolderElsewhere) {
   ManagerOptions o;
   o.min_hosts = 3;

@@ -14,6 +14,9 @@ namespace {
 using namespace std::chrono_literals;
 constexpr auto kAttempt = 3s;  // of one connection
 constexpr auto kBetweenAttempts = 1s;
+// A host that the others have lost does not know it yet: they close what it opens, and it must not
+// spend its time on that.
+constexpr auto kBeforeAgain = 200ms;
 constexpr auto kOthersTurn =
     3s;  // how long the host with the smaller number waits to be connected to
 constexpr std::size_t kMaxStrangers = 64;
@@ -51,7 +54,7 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
     }
     peer.incarnation = h.incarnation();
     peer.link = std::make_shared<PeerLink>(io_, self_.incarnation, h.incarnation(), now_);
-    spawn_connector(host, peers_[host] = std::move(peer));
+    spawn_connector(host, peers_[host] = std::move(peer), 0ms);
   }
   std::erase_if(peers_, [&](auto& entry) {
     if (there.contains(entry.first)) return false;
@@ -60,10 +63,12 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
   });
 }
 
-void Peers::spawn_connector(HostId host, const Peer& peer) {
+void Peers::spawn_connector(HostId host, const Peer& peer,
+                            std::chrono::milliseconds first_pause) {
+  if (self_.host < host) first_pause = kOthersTurn;
   // Posted: the mutex is held here.
-  asio::post(io_, [this, host, link = peer.link, address = peer.address] {
-    asio::co_spawn(io_, keep_connected(host, link, address, host < self_.host),
+  asio::post(io_, [this, host, link = peer.link, address = peer.address, first_pause] {
+    asio::co_spawn(io_, keep_connected(host, link, address, first_pause),
                    [host](std::exception_ptr error) {
                      if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
                    });
@@ -71,10 +76,11 @@ void Peers::spawn_connector(HostId host, const Peer& peer) {
 }
 
 asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLink> link,
-                                            Address address, bool at_once) {
+                                            Address address,
+                                            std::chrono::milliseconds first_pause) {
   asio::steady_timer timer(io_);
-  if (!at_once) {
-    timer.expires_after(kOthersTurn);
+  if (first_pause > 0ms) {
+    timer.expires_after(first_pause);
     co_await timer.async_wait(asio::use_awaitable);
   }
   while (link_of(host) == link && !link->connected()) {
@@ -180,7 +186,12 @@ void Peers::closed(const std::shared_ptr<Session>& session, const std::string& r
   peer->second.link->detach(session.get());
   if (peer->second.link->connected()) return;
   spdlog::info("the connection to host {} has ended: {}", host.value, reason);
-  spawn_connector(host, peer->second);
+  spawn_connector(host, peer->second, kBeforeAgain);
+}
+
+void Peers::close_silent(double seconds) {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [host, peer] : peers_) peer.link->close_if_silent(seconds);
 }
 
 bool Peers::drained() const {

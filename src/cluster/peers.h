@@ -1,5 +1,6 @@
 #pragma once
 #include <asio/io_context.hpp>
+#include <chrono>
 #include <functional>
 #include <map>
 #include <memory>
@@ -37,6 +38,7 @@ class Peers {
   std::pair<std::uint64_t, std::uint64_t> bytes() const;   // any thread: sent and received
   bool drained() const;                         // any thread: all that was sent is acknowledged
   void accept(std::unique_ptr<Stream> stream);  // on the I/O thread, as what follows
+  void close_silent(double seconds);            // see PeerLink::close_if_silent
 
  private:
   struct Peer {
@@ -47,11 +49,11 @@ class Peers {
   // `to`: whom we have called, if it was us.
   void open(std::unique_ptr<Stream> stream, Handshake::Role role, std::optional<HostId> to);
   asio::awaitable<void> keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address,
-                                       bool at_once);
+                                       std::chrono::milliseconds first_pause);
   bool introduced(const std::shared_ptr<Session>& session, const wire::Message& message);
   void receive(const std::shared_ptr<Session>& session, WireFrame frame);
   void closed(const std::shared_ptr<Session>& session, const std::string& reason);
-  void spawn_connector(HostId host, const Peer& peer);
+  void spawn_connector(HostId host, const Peer& peer, std::chrono::milliseconds first_pause);
   std::shared_ptr<PeerLink> link_of(HostId host) const;
 
   asio::io_context& io_;

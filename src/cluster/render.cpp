@@ -274,7 +274,13 @@ class RenderRun {
       if (alive == 0 || (core.phase() == ManagerCore::Phase::gathering && alive < request_.hosts))
         return fail("the hosts on this machine have ended");
     }
-    if (request_.listen && p.hosts > 0) alone_since_ = now;
+    if (request_.listen && p.hosts > 0) {
+      alone_since_ = now;
+      said_alone_ = false;
+    } else if (request_.listen && !said_alone_ && (rendering || core.phase() == ManagerCore::Phase::loading)) {
+      said_alone_ = true;
+      spdlog::warn("no worker is left: waiting for one to join");
+    }
     if (request_.listen && p.hosts == 0 && request_.wait_s && now > alone_since_ + *request_.wait_s)
       return fail("no host has come in " + std::to_string(static_cast<int>(*request_.wait_s)) +
                   " seconds");
@@ -391,6 +397,7 @@ class RenderRun {
   std::vector<ConvergencePoint> convergence_;
   std::optional<double> estimate_;
   double estimated_at_ = 0, alone_since_ = 0;
+  bool said_alone_ = false;
 };
 
 }  // namespace

@@ -31,7 +31,7 @@ struct RenderRequest {
   TlsOptions tls;
   bool allow_inexact = false;
   float alpha = 0.25f;
-  double lost_after_s = 10;
+  double lost_after_s = 3;
   std::optional<double> wait_s;  // without any host
   std::optional<double> max_error, max_time_s;
   std::optional<Image> reference;

@@ -18,7 +18,12 @@ struct Greeting {
   }
 
   void receive(const std::shared_ptr<Session>& session, WireFrame frame) {
-    if (introduced) return handlers.frame(session, std::move(frame));
+    if (introduced) {
+      // Closed before the link has taken it, it comes again over the next connection.
+      if (frame.payload && !wire::is_intact(*frame.payload))
+        return session->close("a message was altered on the way");
+      return handlers.frame(session, std::move(frame));
+    }
     if (!frame.payload)
       return session->close("it acknowledges messages before it has introduced itself");
     Result<wire::Message> message = wire::decode(*frame.payload);

@@ -83,6 +83,7 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   welcome.set_lost_after_s(options_.lost_after_s);
   send(id, std::move(welcome));
   send(id, job_.start);
+  next_growth_ = now + options_.map_every_s;
   if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
   if (phase_ != Phase::gathering) place_all(now);
   return id;
@@ -94,14 +95,23 @@ PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
   in.prototype_bytes = job_.prototype_bytes;
   in.min_replication = options_.replication;
   in.seed = job_.seed;
-  std::vector<std::size_t> kept(job_.parts.size());  // copies that a placement may not move
+  const auto eligible = [&](const Host& h) {
+    return (!h.leaving || (with_leaving && h.released == 0)) && can(h.hello, wire::TRACER);
+  };
+  // The copies that stay with Keep::one_copy: of every part one, that is loaded if any is.
+  std::vector<const Host*> keepers(job_.parts.size());
   for (const auto& [id, h] : hosts_) {
-    if ((h.leaving && (!with_leaving || h.released != 0)) || !can(h.hello, wire::TRACER)) continue;
+    if (!eligible(h)) continue;
+    for (const PartId p : h.wanted)
+      if (const Host*& k = keepers[p.value]; !k || (!k->holds.contains(p) && h.holds.contains(p))) k = &h;
+  }
+  for (const auto& [id, h] : hosts_) {
+    if (!eligible(h)) continue;
     PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen),
                        std::clamp<double>(h.hello.threads(), 1, kMostThreads), {}, {}};
     host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
-      if (keep == Keep::all || kept[p.value]++ == 0) host.holds.push_back(p);
+      if (keep == Keep::all || keepers[p.value] == &h) host.holds.push_back(p);
     for (std::size_t p = 0; p < job_.part_features.size(); ++p)
       for (const std::string& f : job_.part_features[p])
         if (!has_feature(h.hello, f)) host.cannot.emplace_back(static_cast<std::uint32_t>(p));
@@ -144,19 +154,23 @@ Result<ManagerCore::Plan> ManagerCore::plan_paged(bool with_leaving) const {
 // The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts go. Parts
 // that come and go are better than a host that may not.
 std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
+  if (std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.released != 0; }))
+    return std::nullopt;  // all of them are going: the next one that joins is waited for
   std::string why;
   for (const bool with_leaving : {false, true}) {
     for (const Keep keep : {Keep::all, Keep::one_copy}) {
       auto found = plan(with_leaving, keep);
       if (!found && why.empty()) why = found.error();
       // It works without a new host that brings no room, or with the one that wants to leave.
-      if (!found && everything_wanted(with_leaving)) return std::nullopt;
+      if (!found && everything_wanted(true)) return std::nullopt;
       if (!found) continue;
       no_room_since_.reset();
       no_room_.clear();
       return std::move(*found);
     }
     auto paged = plan_paged(with_leaving);
+    // What has to give way goes in a pause (make_room), unless there is no other way.
+    if (paged && !paged->drop.empty() && everything_covered()) return std::nullopt;
     if (paged) {
       no_room_since_.reset();
       no_room_.clear();
@@ -246,12 +260,20 @@ bool ManagerCore::everything_held(bool by_leaving) const {
   return someone && n >= job_.parts.size();
 }
 
-// Every part has been ordered somewhere.
+// Every part has been ordered at a host that takes part, or (by_leaving) still does.
 bool ManagerCore::everything_wanted(bool by_leaving) const {
   std::set<PartId> wanted;
   for (const auto& [id, h] : hosts_)
     if (!h.leaving || (by_leaving && h.released == 0)) wanted.insert(h.wanted.begin(), h.wanted.end());
   return wanted.size() + 1 >= job_.parts.size();
+}
+
+// Every part is somewhere, or nobody's by decision.
+bool ManagerCore::everything_covered() const {
+  std::set<PartId> covered = paged_;
+  for (const auto& [id, h] : hosts_)
+    if (h.released == 0) covered.insert(h.wanted.begin(), h.wanted.end());
+  return covered.size() + 1 >= job_.parts.size();
 }
 
 std::uint64_t ManagerCore::main_bytes() const {
@@ -266,6 +288,7 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
   wire::SceneHostMap map;
   map.set_epoch(epoch_);
   map.set_generation(generation_);
+  map.set_pause(pause_ != 0);
   map.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
   mapped_all_ = everything_held(true);
   std::set<PartId> unheld = paged_;
@@ -339,11 +362,15 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
 void ManagerCore::check_loaded(double now) {
   if (phase_ == Phase::loading && everything_held(true)) return begin_rendering(now);
   if (phase_ != Phase::rendering) return;
-  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
-    return e.second.complete() && !e.second.leaving &&
-           (!e.second.mapped || e.second.holds.size() != e.second.mapped_parts);
+  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [&](const auto& e) {
+    const Host& h = e.second;
+    return !h.leaving && (h.complete() || (!h.holds.empty() && now >= next_growth_)) &&
+           (!h.mapped || h.holds.size() != h.mapped_parts);
   });
-  if (more || (!mapped_all_ && everything_held(true))) new_map(false);
+  if (more || (!mapped_all_ && everything_held(true))) {
+    new_map(false);
+    next_growth_ = now + options_.map_every_s;
+  }
   std::vector<HostId> leaving;
   for (const auto& [id, h] : hosts_)
     if (h.leaving) leaving.push_back(id);
@@ -360,7 +387,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
   reports_[from].last = m;
   h.final = m.final();
   h.status = std::move(m);
-  if (h.leaving) return try_release(from, now);
+  end_pause(now);
+  if (hosts_.contains(from) && h.leaving) return try_release(from, now);
   check_final(now);
 }
 
@@ -369,7 +397,42 @@ void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
   h.leaving = true;
   h.entry.set_leaving(true);
   if (phase_ != Phase::gathering) place_all(now);
+  if (!finished()) make_room(now);
   if (!finished()) try_release(from, now);
+}
+
+// Without the hosts that want to leave.
+std::optional<ManagerCore::Plan> ManagerCore::smaller_plan() const {
+  auto found = plan(false, Keep::one_copy);
+  if (!found) found = plan_paged(false);
+  return found ? std::optional(std::move(*found)) : std::nullopt;
+}
+
+// What leaving hosts hold finds room only where surplus copies make it, and a part can be dropped
+// only when no path is under way: else all of them would be made again. So nobody begins any until
+// all have ended.
+void ManagerCore::make_room(double now) {
+  if (phase_ != Phase::rendering || pause_ != 0 || everything_wanted(false)) return;
+  const bool asked = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& h) {
+    return h.second.leaving && h.second.released == 0;
+  });
+  if (!asked || !smaller_plan()) return;
+  pause_ = epoch_ + 1;
+  new_map(false);
+  end_pause(now);
+}
+
+void ManagerCore::end_pause(double now) {
+  if (pause_ == 0 || phase_ != Phase::rendering) return;
+  for (const auto& [id, h] : hosts_)
+    if (h.mapped && (h.status.epoch() < pause_ || h.status.live_paths() != 0)) return;
+  pause_ = 0;
+  const auto found = smaller_plan();
+  if (!found || everything_wanted(false)) return new_map(false);
+  adopt(*found);
+  new_map(true, &*found);
+  order(*found);
+  check_loaded(now);
 }
 
 // A leaving host goes when others hold its parts, and its own renderer tasks and all that it
@@ -381,7 +444,11 @@ void ManagerCore::try_release(HostId id, double now) {
   const bool taking_part = phase_ == Phase::rendering && h.mapped;
   if (taking_part) {
     if (h.released == 0) {
-      if (!everything_held(false)) return;
+      // With nobody who stays there is nobody to hand over to.
+      const bool last = outstanding_.empty() && std::all_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
+        return e.second.leaving;
+      });
+      if (!last && !everything_held(false)) return;
       h.released = epoch_ + 1;
       new_map(false);
       return;
@@ -420,13 +487,22 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   const bool told = phase_ == Phase::rendering &&
                     mapped;  // the others know the host, and must learn that it is gone
   std::optional<Plan> found;
-  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false))
-    found = find_plan(now);
+  if (phase_ != Phase::gathering && !hosts_.empty()) {
+    if (!everything_held(false)) {
+      found = find_plan(now);
+    } else {  // other copies take the place of those that are gone; dropping some costs nothing more now
+      auto more = plan(false, Keep::all);
+      if (!more && lost) more = plan(false, Keep::one_copy);
+      if (more) found = std::move(*more);
+    }
+  }
   if (finished()) return;
   const bool changed = found && adopt(*found), drops = found && !found->drop.empty();
-  if (told || (changed && phase_ == Phase::rendering))
+  const bool paused = std::exchange(pause_, 0) != 0;
+  if (told || ((changed || paused) && phase_ == Phase::rendering))
     new_map(lost || drops, found ? &*found : nullptr);
   if (found) order(*found);
+  make_room(now);
   check_loaded(now);
   if (phase_ == Phase::rendering) check_end(now);
 }
@@ -450,6 +526,10 @@ void ManagerCore::check_unreachable(double now) {
 void ManagerCore::tick(double now) {
   next_tick_ = now + 0.5 * options_.heartbeat_s;
   if (finished()) return;
+  // Who was away itself (stopped, its machine moved) cannot say who was silent meanwhile.
+  if (last_tick_ && now - *last_tick_ > 0.5 * options_.lost_after_s)
+    for (auto& [id, h] : hosts_) h.heard = now;
+  last_tick_ = now;
   std::vector<HostId> silent;
   for (const auto& [id, h] : hosts_)
     if (now - h.heard > options_.lost_after_s) silent.push_back(id);

@@ -30,8 +30,9 @@ struct ManagerOptions {
   std::uint32_t min_hosts = 1;
   std::uint32_t replication = 1;
   double heartbeat_s = 0.5;
-  double lost_after_s = 10;          // without any message of a host
+  double lost_after_s = 3;           // without any message of a host
   double end_wait_s = 3;             // for final counters
+  double map_every_s = 1;            // the others learn what a host has loaded before it has all
   std::uint32_t tile = 32;           // pixels; smaller for small pictures
   std::uint32_t round_samples = 16;  // samples per pixel of a round; rounds follow each other
   bool hold_rounds = false;          // a round starts only after next_round()
@@ -181,6 +182,10 @@ class ManagerCore {
   void order(const Plan& p);
   bool everything_held(bool by_leaving) const;
   bool everything_wanted(bool by_leaving) const;
+  std::optional<Plan> smaller_plan() const;
+  void make_room(double now);
+  void end_pause(double now);
+  bool everything_covered() const;
   std::uint64_t main_bytes() const;
   void new_map(bool generation, const Plan* with_drops = nullptr);
   void send_host_list();
@@ -249,9 +254,12 @@ class ManagerCore {
   std::uint64_t next_number_ = 1;          // of task ids
   std::map<HostId, double> unreachable_since_;
   std::optional<double> no_room_since_;
+  std::uint32_t pause_ = 0;  // epoch from which on no camera rays are made, until no path is under way
   std::string no_room_;
 
   Progress progress_;
+  std::optional<double> last_tick_;
+  double next_growth_ = 0;  // of the map, by hosts that still load
   double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();
 };
 

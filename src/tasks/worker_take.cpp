@@ -30,7 +30,7 @@ std::uint64_t WorkerCore::live_paths() const {
 // What bounds memory: paths that exist always go on, new ones are made only while there is room for
 // them.
 bool WorkerCore::may_make_camera() const {
-  if (!job_ready_ || remaking_ || routing_->epoch() == 0 || queued_ >= options_.low_mark)
+  if (!job_ready_ || remaking_ || map_.pause() || routing_->epoch() == 0 || queued_ >= options_.low_mark)
     return false;
   if (std::none_of(renderers_.begin(), renderers_.end(),
                    [](const auto& r) { return !r.second.to_make.empty(); }))
