@@ -5,4 +5,5 @@ cloudrenderer_test(tasks_tests LABEL unit
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_core_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_resume_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_overhead_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_checkpoint_test.cpp
+          ${CMAKE_CURRENT_SOURCE_DIR}/tasks_progress_record_test.cpp
   LINK cr_tasks)

@@ -20,6 +20,7 @@
 #include "film/film.h"
 #include "tasks/checkpoint.h"
 #include "tasks/placement.h"
+#include "tasks/progress_record.h"
 #include "tasks/sample_set.h"
 #include "wire/messages.h"
 
@@ -132,6 +133,10 @@ class ManagerCore {
     double render_began = 0, render_ended = 0;
   };
   Progress progress() const;
+  // Share of the render time that the last `share` of this run's paths took.
+  double tail(double share) const {
+    return record_.tail(progress_.render_began, progress_.paths_restored, share);
+  }
   bool bit_exact() const { return bit_exact_; }
 
  private:
@@ -244,6 +249,7 @@ class ManagerCore {
   std::string no_room_;
 
   Progress progress_;
+  ProgressRecord record_;  // of the paths in the film
   double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();
 };
 

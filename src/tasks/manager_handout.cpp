@@ -207,6 +207,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   }
   reports_[from].paths_done += static_cast<double>(paths);
   progress_.render_ended = now;
+  record_.add(now, progress_.paths_done);
   hand_out(now);
   check_end(now);
   if (h.leaving) try_release(from, now);
