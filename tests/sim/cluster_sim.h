@@ -19,6 +19,8 @@
 
 namespace cloudrenderer::sim {
 
+inline constexpr std::uint64_t kPartBytes = 100;  // a part has up to a fifth more
+
 class Dice {
  public:
   explicit Dice(std::uint64_t seed) : state_(mix64(seed + 0x1234567)) {}
