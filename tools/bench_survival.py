@@ -27,6 +27,7 @@ import quota
 MIB = 1 << 20
 MOST_LOSS = 1.35   # render time with a loss in the middle, over that without the host from the start
 MOST_TAIL = 0.15
+LEAST_IDLE = 0.1   # of the machine, by the median of the runs: with less the shares are not what they say
 
 
 @dataclasses.dataclass
@@ -36,6 +37,12 @@ class Kind:
     kill: float | None = None   # a worker is killed after this share of the undisturbed render time
     join: float | None = None   # one more comes after this share
     tls: bool = False
+
+
+def processor_ticks():
+    """(all, idle) of the machine since it started."""
+    ticks = [int(t) for t in pathlib.Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
+    return sum(ticks), ticks[3] + ticks[4]
 
 
 def start(arguments, log, group=None):
@@ -85,6 +92,7 @@ def render(args, kind, scene, undisturbed=None):
                              "--resolution", args.resolution, "--report", folder / "report.json", "--quiet",
                              *(["--tls", "on"] if kind.tls else [])], out)
         try:
+            all_before, idle_before = processor_ticks()
             address = listening(log, manager)
             for cores in kind.cores:
                 worker(cores)
@@ -95,6 +103,7 @@ def render(args, kind, scene, undisturbed=None):
                 at(kind.kill)
                 processes[0].kill()
             code = manager.wait(args.timeout)
+            all_after, idle_after = processor_ticks()
             for process in processes:
                 process.wait(30)
         except subprocess.TimeoutExpired:
@@ -107,6 +116,7 @@ def render(args, kind, scene, undisturbed=None):
             sys.exit(f"a render failed ({code}):\n" + "\n".join(p.read_text() for p in folder.glob("*.log")))
         report = json.loads((folder / "report.json").read_text())
         report["picture"] = measure.read_rgb(folder / "out.exr")
+        report["idle"] = (idle_after - idle_before) / max(1, all_after - all_before)
         return report
 
 
@@ -152,12 +162,14 @@ def bench(args, scene):
         "tail": max(m["tail"] for m in list(median.values())[:2]),
         "tls": tls["samples_per_s"] / all_["samples_per_s"],
         "identical": identical,
+        "idle": measure.median([r["idle"] for found in reports.values() for r in found]),
     }
     print(f"a host lost in the middle, against without it from the start: {figures['loss']:.2f} of the time "
           f"(at most {MOST_LOSS})")
     print(f"one more host from the first third on: {figures['join']:.2f} of the time (less than 1)")
     print(f"the last tenth of the paths: {figures['tail']:.3f} of the time (at most {MOST_TAIL})")
     print(f"samples per second with TLS, against without: {figures['tls']:.3f}")
+    print(f"the machine was idle for {figures['idle']:.2f} of the time (at least {LEAST_IDLE})")
     print(f"all pictures the same to the bit: {'yes' if identical else 'NO'}", flush=True)
     return {"kinds": median, **figures}
 
@@ -196,6 +208,9 @@ def main():
         missed = [name for name, bad in [("loss", figures["loss"] > MOST_LOSS), ("join", figures["join"] >= 1),
                                          ("tail", figures["tail"] > MOST_TAIL),
                                          ("picture", not figures["identical"])] if bad]
+        if figures["identical"] and figures["idle"] < LEAST_IDLE:
+            print("SKIPPED: others use this machine, so that no host had its share of it", flush=True)
+            sys.exit(measure.SKIPPED)
         if missed:
             sys.exit(f"not met: {', '.join(missed)}")
 
