@@ -55,12 +55,14 @@ TEST(ManagerCore, MakesTasksSmallerTowardsTheEnd) {
   c.report_loaded(a);
   c.report_loaded(b);
   std::map<std::uint32_t, std::uint64_t> paths;  // in the order of handing out
+  std::set<std::array<std::uint32_t, 3>> seen;
   const auto look = [&] {
     c.listen();
     for (const HostId h : {a, b})
       for (const auto& t : c.tasks[h]) {
         const auto& range = std::get<RendererRange>(t.payload);
-        paths[range.task] = range.paths();
+        if (seen.insert({range.x0, range.y0, range.sample_begin}).second)  // not a second copy
+          paths[range.task] = range.paths();
       }
   };
   for (look(); !c.tasks[a].empty() || !c.tasks[b].empty(); look()) c.work(1);

@@ -340,6 +340,7 @@ class RenderRun {
     out.clamped_samples = p.clamped_samples;
     out.load_s = p.render_began;
     out.render_s = std::max(0.0, p.render_ended - p.render_began);
+    out.tail = core.tail(0.1);
     out.wire_bytes = manager_->bytes_sent();
     out.cpu_s = cpu_seconds();
     for (const auto& [id, host] : out.hosts) {

@@ -79,6 +79,7 @@ struct RenderOutcome {
   std::string checkpoint;        // that was written; "": none
   std::string checkpoint_error;  // why it could not be: the picture is what there was by then
   double wall_s = 0, load_s = 0, render_s = 0, cpu_s = 0;
+  double tail = 0;  // share of render_s that the last tenth of the paths took
   std::uint64_t paths_restored = 0;  // of those done: by earlier runs
   std::uint64_t paths_done = 0, invalid_samples = 0, clamped_samples = 0;
   std::uint64_t wire_bytes = 0;  // sent by all processes, parts and files left out

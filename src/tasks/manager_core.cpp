@@ -6,8 +6,8 @@
 namespace cloudrenderer {
 namespace {
 
+constexpr double kMostThreads = 4096;
 constexpr std::uint32_t kMaxHost = 0xfffe;  // a path's owner has 16 bits
-constexpr std::uint32_t kMostThreads = 4096;  // a host counts as
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
@@ -108,7 +108,7 @@ PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
   for (const auto& [id, h] : hosts_) {
     if (!eligible(h)) continue;
     PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen),
-                       std::clamp<double>(h.hello.threads(), 1, kMostThreads), {}, {}};
+                       h.threads(), {}, {}};
     host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
       if (keep == Keep::all || keepers[p.value] == &h) host.holds.push_back(p);
@@ -274,6 +274,10 @@ bool ManagerCore::everything_covered() const {
   for (const auto& [id, h] : hosts_)
     if (h.released == 0) covered.insert(h.wanted.begin(), h.wanted.end());
   return covered.size() + 1 >= job_.parts.size();
+}
+
+double ManagerCore::Host::threads() const {
+  return std::clamp<double>(hello.threads(), 1, kMostThreads);
 }
 
 std::uint64_t ManagerCore::main_bytes() const {
@@ -478,8 +482,12 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
       ++o;
       continue;
     }
-    returned_.push_back(o->second.range);
-    unassigned_paths_ += o->second.range.paths();
+    if (const auto twin = outstanding_.find(o->second.twin); twin != outstanding_.end()) {
+      twin->second.twin = 0;  // it alone is left
+    } else {
+      returned_.push_back(o->second.range);
+      unassigned_paths_ += o->second.range.paths();
+    }
     o = outstanding_.erase(o);
   }
   if (finished()) return;

@@ -20,6 +20,7 @@
 #include "film/film.h"
 #include "tasks/checkpoint.h"
 #include "tasks/placement.h"
+#include "tasks/progress_record.h"
 #include "tasks/sample_set.h"
 #include "wire/messages.h"
 
@@ -134,6 +135,10 @@ class ManagerCore {
     double render_began = 0, render_ended = 0;
   };
   Progress progress() const;
+  // Share of the render time that the last `share` of this run's paths took.
+  double tail(double share) const {
+    return record_.tail(progress_.render_began, progress_.paths_restored, share);
+  }
   bool bit_exact() const { return bit_exact_; }
 
  private:
@@ -152,16 +157,19 @@ class ManagerCore {
     std::uint64_t unforeseen =
         0;  // bytes of the main scene that no part's prediction has: textures
     bool complete() const { return started && holds.size() == wanted.size(); }
+    double threads() const;  // as many as a host can sensibly have
     std::uint64_t outstanding_paths = 0;
     std::uint32_t outstanding_tasks = 0;
     wire::Status status;
     double paths_per_s = 0;  // measured since rate_since
     double rate_since = 0;
+    double fed = 0;  // when it last replied, or was given something after having nothing
     std::uint64_t rate_paths = 0;
   };
   struct Outstanding {
     RendererRange range;
     HostId host;
+    std::uint32_t twin = 0;  // the other copy of the same range, under another number
   };
 
   // manager_core.cpp: hosts and parts
@@ -206,8 +214,12 @@ class ManagerCore {
   void begin_rendering(double now);
   void hand_out(double now);
   std::optional<RendererRange> next_range(std::uint64_t paths);
-  std::uint64_t task_paths(const Host& h, std::size_t hosts) const;
-  void give(HostId id, Host& h, RendererRange range);
+  static bool renders(const Host& h);
+  double speed(const Host& h, double per_thread) const;
+  std::uint64_t task_paths(const Host& h, double share) const;
+  void give_again(double now);
+  std::uint32_t give(HostId id, Host& h, RendererRange range, double now);
+  void take_back(std::map<std::uint32_t, Outstanding>::iterator o);
   void merge(const Outstanding& o, wire::RendererReply& r);
   void set_tile(std::uint32_t tile);
   RendererRange tile_range(std::size_t tile) const;
@@ -260,6 +272,7 @@ class ManagerCore {
   Progress progress_;
   std::optional<double> last_tick_;
   double next_growth_ = 0;  // of the map, by hosts that still load
+  ProgressRecord record_;  // of the paths in the film
   double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();
 };
 

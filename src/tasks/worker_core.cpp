@@ -77,6 +77,37 @@ void WorkerCore::handle(HostId from, wire::CancelJob& m) {
   end_job(m.reason());
 }
 
+// Another host was first. All that this one has made of the task is made twice.
+void WorkerCore::handle(HostId from, wire::CancelTask& m) {
+  if (from != kManager || !job_) return void(++dropped_);
+  const auto it = renderers_.find(m.task());
+  if (it != renderers_.end() && it->second.cancelled) return void(++dropped_);
+  const bool replied = it == renderers_.end();
+  const std::uint64_t made =
+      replied ? m.paths() : it->second.range.paths() - it->second.unissued;
+  counters_.set_wasted_paths(counters_.wasted_paths() + made);
+  if (replied) return;
+  Renderer& r = it->second;
+  r.cancelled = true;
+  r.to_make.clear();
+  if (!collecting_) forget_cancelled();
+}
+
+// Not while a thread has the ledgers.
+void WorkerCore::forget_cancelled() {
+  for (auto it = renderers_.begin(); it != renderers_.end();) {
+    const Renderer& r = it->second;
+    if (!r.cancelled || r.live() != 0) {
+      ++it;
+      continue;
+    }
+    std::erase_if(opened_, [&](const RendererRange& o) { return o.task == r.range.task; });
+    ledgers_.erase(it->first);
+    move(r.id, l_discard);
+    it = renderers_.erase(it);
+  }
+}
+
 void WorkerCore::end_job(const std::string& reason) {
   if (leaving_) left_ = true;
   if (!job_) return void(++dropped_);

@@ -130,6 +130,7 @@ class WorkerCore {
     RendererRange range;
     std::deque<RendererLedger::Run> to_make;
     std::uint64_t unissued = 0, remaining = 0;
+    bool cancelled = false;  // stays until its last path has ended, for it takes up credits
     std::uint64_t live() const { return remaining > unissued ? remaining - unissued : 0; }
   };
   template <class T>
@@ -143,6 +144,7 @@ class WorkerCore {
   void handle(HostId from, wire::JobStart& m);
   void handle(HostId from, wire::JobEnd& m);
   void handle(HostId from, wire::CancelJob& m);
+  void handle(HostId from, wire::CancelTask& m);
   void handle(HostId from, wire::HostList& m);
   void handle(HostId from, wire::SceneHostMap& m);
   void handle(HostId from, wire::LoadParts& m);
@@ -155,6 +157,7 @@ class WorkerCore {
     ++dropped_;
   }  // not for a worker in the middle of a job
 
+  void forget_cancelled();
   void submit_renderer(Uuid id, const RendererRange& range);
   void submit_block(HostId from, wire::SubmitTask& m);
   void set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries);

@@ -264,6 +264,10 @@ void WorkerCore::finish_collect(const CollectWork& work, WorkResult& r) {
   for (const auto& [number, remaining] : r.remaining) renderers_.at(number).remaining = remaining;
   for (auto& [number, runs] : r.missing) {
     Renderer& renderer = renderers_.at(number);
+    if (renderer.cancelled) {
+      renderer.unissued = renderer.remaining;  // nothing of it is on the way any more
+      continue;
+    }
     counters_.set_wasted_paths(counters_.wasted_paths() + renderer.live());
     renderer.to_make.assign(runs.begin(), runs.end());
     renderer.unissued = renderer.remaining;
@@ -273,6 +277,7 @@ void WorkerCore::finish_collect(const CollectWork& work, WorkResult& r) {
   if (work.list_missing) remaking_ = false;
   for (wire::RendererReply& reply : r.completed) {
     const auto it = renderers_.find(reply.task);
+    if (it->second.cancelled) continue;
     const Uuid id = it->second.id;
     renderers_.erase(it);
     Task& task = tasks_.at(id);
@@ -283,6 +288,7 @@ void WorkerCore::finish_collect(const CollectWork& work, WorkResult& r) {
     move(task, j_replied);
     counters_.set_tasks_renderer(counters_.tasks_renderer() + 1);
   }
+  forget_cancelled();
 }
 
 // ---- loader and unloader
