@@ -16,6 +16,12 @@ if(CLOUDRENDERER_SANITIZE)
   target_compile_options(cloudrenderer_options INTERFACE -fsanitize=${CLOUDRENDERER_SANITIZE} -fno-omit-frame-pointer)
   target_link_options(cloudrenderer_options INTERFACE -fsanitize=${CLOUDRENDERER_SANITIZE})
 endif()
+if(CLOUDRENDERER_FUZZ)
+  # What was reached is counted everywhere; the driver itself is linked to the targets in tests/fuzz.
+  target_compile_options(cloudrenderer_options INTERFACE -fsanitize=fuzzer-no-link
+    -fno-sanitize-recover=all -g)
+  target_compile_definitions(cloudrenderer_options INTERFACE _GLIBCXX_ASSERTIONS)
+endif()
 
 function(cloudrenderer_library name)
   cmake_parse_arguments(A "" "" "SOURCES;LINK" ${ARGN})
