@@ -1,6 +1,7 @@
 #pragma once
 // What the fuzz targets share. A target is one LLVMFuzzerTestOneInput: libFuzzer drives it
 // (CLOUDRENDERER_FUZZ), or replay_main.cpp in the ordinary build.
+#include <google/protobuf/stubs/logging.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -19,6 +20,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
 namespace cloudrenderer::fuzz {
 
 using Input = std::span<const std::byte>;
+
+// Not a line for every text that is no UTF-8 (as cli/log_setup.cpp has it).
+inline const auto kLogBefore = google::protobuf::SetLogHandler(nullptr);
 
 inline Input input(const std::uint8_t* data, std::size_t size) {
   return std::as_bytes(std::span(data, size));
