@@ -346,6 +346,7 @@ TEST(ManagerCore, RefusesHostsThatDoNotFit) {
   ManagerOptions o;
   Cluster c(o);
   wire::Hello h;
+  h.set_threads(1);
   h.set_protocol(99);
   EXPECT_FALSE(c.core.join(h, 0));
   h.set_protocol(wire::kProtocolVersion);
@@ -360,6 +361,49 @@ TEST(ManagerCore, RefusesHostsThatDoNotFit) {
   h.set_allow_inexact(true);
   EXPECT_TRUE(c.core.join(h, 0));
   EXPECT_FALSE(c.core.bit_exact());
+}
+
+TEST(ManagerCore, RefusesHostsWithNumbersThatNoHostHas) {
+  Cluster c;
+  wire::Hello h;
+  h.set_protocol(wire::kProtocolVersion);
+  h.set_threads(4);
+  h.set_memory(std::uint64_t{1} << 60);
+  EXPECT_NE(c.core.join(h, 0).error().find("1048576 TiB"), std::string::npos);
+  h.set_memory(10000);
+  for (const std::uint32_t threads : {0u, 1000000u}) {
+    h.set_threads(threads);
+    EXPECT_NE(c.core.join(h, 0).error().find(std::to_string(threads) + " threads"),
+              std::string::npos);
+  }
+  h.set_threads(4);
+  h.set_path_credits(~std::uint64_t{0});
+  EXPECT_TRUE(c.core.join(h, 0));
+}
+
+TEST(ManagerCore, GivesUpAHostWhoseSumsCannotBe) {
+  for (const std::uint32_t even : {0u, 5u}) {  // too few samples, too many
+    ManagerOptions o;
+    o.min_hosts = 2;
+    Cluster c(o, job(1));
+    const HostId a = c.join(), b = c.join();
+    c.report_loaded(a);
+    c.report_loaded(b);
+    const auto& range = std::get<RendererRange>(c.tasks[a].at(0).payload);
+    wire::RendererReply r;
+    r.task = range.task;
+    r.sums.resize(std::size_t{range.x1 - range.x0} * (range.y1 - range.y0));
+    for (PixelSums& p : r.sums) p.count = {even, 0};
+    c.core.receive(a, wire::Reply{c.tasks[a][0].id, 1, std::move(r)}, c.now);
+    EXPECT_EQ(c.core.take_gone(), std::vector<HostId>{a});
+    c.gone.insert(a);
+    c.work();
+    c.finals();
+    EXPECT_EQ(c.core.phase(), Phase::done);
+    for (std::uint32_t y = 0; y < 64; ++y)
+      for (std::uint32_t x = 0; x < 64; ++x)
+        ASSERT_EQ(c.core.film().at(x, y).count, (std::array<std::uint32_t, 2>{8, 8}));
+  }
 }
 
 TEST(ManagerCore, EndsWithAReasonWhenNoHostCanStart) {

@@ -13,6 +13,7 @@
 #include "net/greeting.h"
 #include "net/listener.h"
 #include "net/peer_link.h"
+#include "net/strangers.h"
 #include "tasks/manager_core.h"
 
 namespace cloudrenderer {
@@ -73,6 +74,7 @@ class Manager {
   std::map<HostId, Peer> peers_;
   std::map<const Session*, HostId> session_hosts_;
   std::set<std::shared_ptr<Session>> sessions_;  // all that are open, strangers too
+  Strangers strangers_;
   std::unique_ptr<Listener> listener_;
   std::shared_ptr<Ticker> ticker_;
   std::uint64_t closed_sent_ = 0, closed_received_ = 0, blob_bytes_ = 0;

@@ -24,7 +24,11 @@ constexpr std::size_t kMaxStrangers = 64;
 }  // namespace
 
 Peers::Peers(asio::io_context& io, Self self, PeerLink::Now now, Callbacks callbacks)
-    : io_(io), self_(std::move(self)), now_(std::move(now)), callbacks_(std::move(callbacks)) {}
+    : io_(io),
+      self_(std::move(self)),
+      now_(std::move(now)),
+      callbacks_(std::move(callbacks)),
+      strangers_(kMaxStrangers) {}
 
 std::shared_ptr<PeerLink> Peers::link_of(HostId host) const {
   const std::lock_guard lock(mutex_);
@@ -100,7 +104,6 @@ asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLin
 }
 
 void Peers::accept(std::unique_ptr<Stream> stream) {
-  if (sessions_.size() - session_hosts_.size() >= kMaxStrangers) return stream->close();
   open(std::move(stream), Handshake::Role::accepts, std::nullopt);
 }
 
@@ -118,15 +121,15 @@ void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role, std::opti
   h.introduced = [this](const auto& session, wire::Message&& m) { return introduced(session, m); };
   h.frame = [this](const auto& session, WireFrame f) { receive(session, std::move(f)); };
   h.closed = [this, to, proved](const auto& session, const std::string& reason) {
-    if (!*proved && !reason.empty()) {
-      spdlog::warn("the connection {} {} was closed: {}", to ? "to" : "of", session->peer(),
-                   reason);
-      // Who has another secret, or another --tls, is out of reach like who does not answer.
-      if (to) callbacks_.unreachable(*to);
-    }
+    // Who has another secret, or another --tls, is out of reach like who does not answer.
+    if (!*proved && !reason.empty() && to) callbacks_.unreachable(*to);
+    if (!session_hosts_.contains(session.get()) && !reason.empty())
+      spdlog::log(*proved ? spdlog::level::info : spdlog::level::warn,
+                  "the connection {} {} was closed: {}", to ? "to" : "of", session->peer(), reason);
     closed(session, reason);
   };
   auto session = greet(std::move(stream), role, self_.token, std::move(h));
+  if (role == Handshake::Role::accepts) strangers_.add(session);
   const std::lock_guard lock(mutex_);
   sessions_.insert(std::move(session));
 }
@@ -150,6 +153,7 @@ bool Peers::introduced(const std::shared_ptr<Session>& session, const wire::Mess
                    ", which is not known");
     return false;
   }
+  strangers_.remove(session);
   session_hosts_[session.get()] = host;
   link->attach(session);
   callbacks_.reachable(host);
@@ -170,15 +174,12 @@ void Peers::receive(const std::shared_ptr<Session>& session, WireFrame frame) {
 
 void Peers::closed(const std::shared_ptr<Session>& session, const std::string& reason) {
   const auto known = session_hosts_.find(session.get());
+  strangers_.remove(session);
   const std::lock_guard lock(mutex_);
   closed_sent_ += session->bytes_sent();
   closed_received_ += session->bytes_received();
   sessions_.erase(session);
-  if (known == session_hosts_.end()) {
-    if (!reason.empty())
-      spdlog::info("the connection of {} was closed: {}", session->peer(), reason);
-    return;
-  }
+  if (known == session_hosts_.end()) return;
   const HostId host = known->second;
   session_hosts_.erase(known);
   const auto peer = peers_.find(host);

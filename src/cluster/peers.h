@@ -14,6 +14,7 @@
 #include "base/id.h"
 #include "net/greeting.h"
 #include "net/peer_link.h"
+#include "net/strangers.h"
 
 namespace cloudrenderer {
 
@@ -64,7 +65,8 @@ class Peers {
   std::map<HostId, Peer> peers_;
   std::set<std::shared_ptr<Session>> sessions_;
   std::uint64_t closed_sent_ = 0, closed_received_ = 0;
-  std::map<const Session*, HostId> session_hosts_;  // I/O thread only
+  std::map<const Session*, HostId> session_hosts_;  // I/O thread only, as what follows
+  Strangers strangers_;
 };
 
 }  // namespace cloudrenderer

@@ -70,6 +70,7 @@ class RenderRun {
     if (is_split_folder(request_.scene)) {
       folder_ = request_.scene;
       manifest_ = std::make_shared<Manifest>(open_split(folder_));
+      check_part_files(folder_, *manifest_);
     } else {
       temporary_ = std::make_unique<TemporaryFolder>();
       folder_ = temporary_->path();

@@ -78,6 +78,7 @@ class Worker {
       const Address here = config_.listen.value_or(Address{stream->local().host, 0});
       const auto accept = [this](std::unique_ptr<Stream> s) {
         if (peers_) return peers_->accept(std::move(s));
+        spdlog::info("the connection of {} was closed: this host is in no cluster yet", s->peer());
         s->close();
       };
       listener_ = std::make_unique<Listener>(io_, here, accept, tls_);

@@ -8,6 +8,9 @@ namespace {
 
 constexpr double kMostThreads = 4096;
 constexpr std::uint32_t kMaxHost = 0xfffe;  // a path's owner has 16 bits
+// What no host has: such numbers are an error, or meant to do harm.
+constexpr std::uint32_t kAbsurdThreads = 1u << 16;
+constexpr std::uint64_t kAbsurdMemory = std::uint64_t{1} << 50;
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
@@ -47,21 +50,26 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
     return refuse("this cluster speaks protocol version " + std::to_string(wire::kProtocolVersion) +
                   ", the host speaks " + std::to_string(hello.protocol()));
   if (phase_ == Phase::ending || finished()) return refuse("the job is over");
+  if (hello.threads() == 0 || hello.threads() > kAbsurdThreads)
+    return refuse("the host says that it has " + std::to_string(hello.threads()) +
+                  " threads; 1 to " + std::to_string(kAbsurdThreads) + " are believed");
+  if (hello.memory() > kAbsurdMemory)
+    return refuse("the host says that it may use " + std::to_string(hello.memory() >> 40) +
+                  " TiB of memory; up to " + std::to_string(kAbsurdMemory >> 40) +
+                  " TiB are believed");
   if (next_host_ > kMaxHost) return refuse("the job has had too many hosts");
-  if (fingerprint_ && *fingerprint_ != hello.fingerprint()) {
-    if (!options_.allow_inexact && !hello.allow_inexact())
-      return refuse(
-          std::string("the host computes other bits than ") +
-          (options_.fingerprint ? "those in the checkpoint" : "the cluster") +
-          " (numeric fingerprint); --allow-inexact lets it join");
-    bit_exact_ = false;
-  }
+  if (fingerprint_ && *fingerprint_ != hello.fingerprint() && !options_.allow_inexact &&
+      !hello.allow_inexact())
+    return refuse(std::string("the host computes other bits than ") +
+                  (options_.fingerprint ? "those in the checkpoint" : "the cluster") +
+                  " (numeric fingerprint); --allow-inexact lets it join");
   const std::uint64_t least = main_bytes() + job_.parts[0].build;
   if (can(hello, wire::TRACER) && hello.memory() < least)
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +
                   " MiB, but what every host must hold needs " + std::to_string((least >> 20) + 1) +
                   " MiB");
   if (!fingerprint_) fingerprint_ = hello.fingerprint();
+  bit_exact_ = bit_exact_ && *fingerprint_ == hello.fingerprint();
 
   const HostId id(next_host_++);
   Host& h = hosts_[id];

@@ -9,7 +9,21 @@ namespace {
 
 constexpr std::uint64_t kSmallestTask = 512;  // paths; less is not worth a message
 constexpr std::uint64_t kDefaultCredits = 131072;
-constexpr std::uint32_t kTasksPerHost = 8;  // at least, by the size of tiles
+constexpr std::uint64_t kMostCredits = std::uint64_t{1} << 40;  // believed
+constexpr std::uint32_t kTasksPerHost = 8;                      // at least, by the size of tiles
+
+// Whether a reply has sums for every pixel, and every sample once: counted or invalid.
+bool fits(const wire::RendererReply& r, const RendererRange& range) {
+  if (r.sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) return false;
+  const std::uint32_t even = (range.sample_end + 1) / 2 - (range.sample_begin + 1) / 2;
+  const std::uint32_t odd = range.sample_end / 2 - range.sample_begin / 2;
+  std::uint64_t counted = 0;
+  for (const PixelSums& p : r.sums) {
+    if (p.count[0] > even || p.count[1] > odd) return false;
+    counted += p.count[0] + p.count[1];
+  }
+  return r.invalid == range.paths() - counted;
+}
 
 }  // namespace
 
@@ -143,6 +157,7 @@ void ManagerCore::hand_out(double now) {
       const double share = speed(h, per_thread) / total;
       std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
       if (!paged_.empty()) credits = std::max(credits, h.hello.paging_credits());
+      credits = std::min(credits, kMostCredits);
       const std::uint64_t enough = std::max(
           task_paths(h, share),
           static_cast<std::uint64_t>(share * static_cast<double>(unassigned_paths_) / 2));
@@ -252,8 +267,10 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   if (it == outstanding_.end() || it->second.host != from)
     return void(++progress_.dropped_messages);
   const RendererRange range = it->second.range;
-  if (r->sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0))
-    return void(++progress_.dropped_messages);
+  if (!fits(*r, range)) {  // nor would it answer once more
+    ++progress_.dropped_messages;
+    return remove(from, true, now);
+  }
   merge(it->second, *r);
   const std::uint64_t paths = range.paths();
   if (const auto twin = outstanding_.find(it->second.twin); twin != outstanding_.end()) {
