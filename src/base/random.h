@@ -1,9 +1,8 @@
 #pragma once
 // Every random number is a pure function of (seed, pixel, sample, dimension).
 #include <cstdint>
-#include <cstring>
 
-#include "cloudrenderer/math.h"
+#include "base/lanes.h"
 
 namespace cloudrenderer {
 
@@ -47,9 +46,6 @@ constexpr T sobol1_reversed(T i) {
   i ^= (i & 0xaaaaaaaau) >> 1;
   return i;
 }
-
-// Eight numbers that are computed together, on any processor (a vector type of GCC and Clang).
-using Bits8 = std::uint32_t __attribute__((vector_size(32)));
 
 inline Bits8 reverse_bits(Bits8 x) {
   x = (x << 16) | (x >> 16);
@@ -111,11 +107,9 @@ class SampleSequence {
       bits = reverse_bits(owen_hash_reversed(
           __builtin_shufflevector(shuffled, second, 0, 1, 2, 3, 12, 13, 14, 15), scramble));
     }
-    using Ints8 = std::int32_t __attribute__((vector_size(32)));
-    using Floats8 = float __attribute__((vector_size(32)));
-    const Floats8 unit = __builtin_convertvector(reinterpret_cast<Ints8>(bits >> 8), Floats8) * 0x1p-24f;
+    const Float8 unit = lanes::to_float(lanes::as_signed(bits >> 8)) * 0x1p-24f;
     Pairs out;
-    std::memcpy(out.numbers, &unit, sizeof unit);
+    unit.store(out.numbers);
     return out;
   }
 

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "base/lanes.h"
 #include "base/portable_math.h"
 #include "cloudrenderer/math.h"
 
@@ -38,22 +39,19 @@ inline Vec3 sample_uniform_hemisphere(const Vec2& u) {
   return {r * c, r * s, z};
 }
 // Density 1/(4 pi).
-inline Vec3 sample_uniform_sphere(const Vec2& u) {
-  const float z = 1.f - 2.f * u.x, r = std::sqrt(std::max(0.f, 1.f - z * z));
-  float s, c;
-  portable::sincos_turn(u.y, s, c);
+template <class F>
+Vec3Of<F> sample_uniform_sphere(const Vec2Of<F>& u) {
+  const F z = 1.f - 2.f * u.x, r = lanes::sqrt(lanes::max(0.f, 1.f - z * z));
+  F s, c;
+  portable::sincos_turn<F>(u.y, s, c);
   return {r * c, r * s, z};
 }
 // Barycentrics (b0, b1) of a uniform point of a triangle (Heitz 2019, low distortion).
-inline Vec2 sample_triangle(Vec2 u) {
-  if (u.x < u.y) {
-    u.x *= 0.5f;
-    u.y -= u.x;
-  } else {
-    u.y *= 0.5f;
-    u.x -= u.y;
-  }
-  return u;
+template <class F>
+Vec2Of<F> sample_triangle(const Vec2Of<F>& u) {
+  const MaskOf<F> low = u.x < u.y;
+  const F x = 0.5f * u.x, y = 0.5f * u.y;
+  return {lanes::select(low, x, u.x - y), lanes::select(low, u.y - x, y)};
 }
 
 // A piecewise constant density over [0, 1). Non-negative values; all zero behaves as uniform.

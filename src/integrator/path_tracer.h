@@ -42,6 +42,7 @@ class PathTracer final : public PathEngine {
  private:
   struct Shadow;
   struct Shader;
+  class EightShader;
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const;
