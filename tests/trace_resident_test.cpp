@@ -120,23 +120,25 @@ TEST(Resident, PacketsFindTheSameBitsAsSingleRays) {
   const auto set = resident.snapshot();
   const std::vector<TraceRay> rays = rays_at_terrain(n);
   for (std::size_t i = 0; i + 8 <= rays.size(); i += 8) {
-    std::array<const TraceRay*, 8> p;
-    std::array<Hit, 8> single, packet;
-    std::array<Hit*, 8> h;
+    std::array<Hit, 8> single, packet, coherent;
+    RayPacket p;
     for (std::size_t k = 0; k < 8; ++k) {
-      p[k] = &rays[i + k];
-      h[k] = &packet[k];
+      lanes::put(p.origin, k, rays[i + k].origin);
+      lanes::put(p.direction, k, rays[i + k].direction);
+      lanes::put(p.t_max, k, rays[i + k].t_max);
       set->intersect(1, rays[i + k], single[k]);
     }
     const auto active = static_cast<std::uint32_t>(0xff & ~(i / 8 % 256)) | 1u;
-    set->intersect8(1, p.data(), h.data(), active);
-    const std::uint32_t blocked = set->occluded8(1, p.data(), active);
+    set->intersect8(1, p, active, Coherence::any, packet.data());
+    set->intersect8(1, p, active, Coherence::alike, coherent.data());
+    const std::uint32_t blocked = set->occluded8(1, p, active);
     for (std::size_t k = 0; k < 8; ++k) {
       if (!(active >> k & 1u)) {
         ASSERT_EQ(packet[k].part, kNone);
         continue;
       }
       expect_same(single[k], packet[k]);
+      expect_same(single[k], coherent[k]);
       ASSERT_EQ(blocked >> k & 1u, single[k].part != kNone ? 1u : 0u);
     }
   }
@@ -205,12 +207,12 @@ TEST(Resident, CountsBytesAndForgetsUnloadedParts) {
 
 TEST(Traceable, RefusesWhatWouldStopEmbree) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_TRUE(traceable({1, 2, 3}, {0, 0, 1}));
-  EXPECT_FALSE(traceable({nan, 2, 3}, {0, 0, 1}));
-  EXPECT_FALSE(traceable({1, 2, 3}, {0, nan, 1}));
-  EXPECT_FALSE(traceable({1, 2, 3}, {0, 0, 0}));
-  EXPECT_FALSE(traceable({1e19f, 2, 3}, {0, 0, 1}));
-  EXPECT_FALSE(traceable({1, 2, 3}, {0, kInfinity, 1}));
+  EXPECT_TRUE(traceable<float>({1, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable<float>({nan, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable<float>({1, 2, 3}, {0, nan, 1}));
+  EXPECT_FALSE(traceable<float>({1, 2, 3}, {0, 0, 0}));
+  EXPECT_FALSE(traceable<float>({1e19f, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable<float>({1, 2, 3}, {0, kInfinity, 1}));
 }
 
 }  // namespace

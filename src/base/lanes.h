@@ -189,6 +189,7 @@ inline Vec3 get(const Vec3& x, std::size_t) { return x; }
 inline void put(float& x, std::size_t, float a) { x = a; }
 inline void put(Vec3& x, std::size_t, const Vec3& a) { x = a; }
 inline float get(Float8 x, std::size_t i) { return x.v[i]; }
+inline Vec2 get(const Vec2x8& x, std::size_t i) { return {x.x.v[i], x.y.v[i]}; }
 inline Vec3 get(const Vec3x8& x, std::size_t i) { return {x.x.v[i], x.y.v[i], x.z.v[i]}; }
 inline void put(Float8& x, std::size_t i, float a) { x.v[i] = a; }
 inline void put(Vec3x8& x, std::size_t i, const Vec3& a) {
@@ -217,6 +218,32 @@ inline void transpose(std::array<Float8, 8>& rows) {
 }
 
 }  // namespace lanes
+
+// Numbers of eight things on their way into lanes, N of each, or out of them.
+template <std::size_t N>
+struct Columns {
+  alignas(32) float at[N][kLanes];
+  void put(std::size_t column, std::size_t lane, const Vec3& v) {
+    at[column][lane] = v.x;
+    at[column + 1][lane] = v.y;
+    at[column + 2][lane] = v.z;
+  }
+  void put(std::size_t column, std::size_t lane, const Vec2& v) {
+    at[column][lane] = v.x;
+    at[column + 1][lane] = v.y;
+  }
+  Float8 one(std::size_t column) const { return Float8::load(at[column]); }
+  Vec2x8 two(std::size_t column) const { return {one(column), one(column + 1)}; }
+  Vec3x8 three(std::size_t column) const { return {one(column), one(column + 1), one(column + 2)}; }
+  // And back.
+  void store(std::size_t column, const Float8& v) { v.store(at[column]); }
+  void store(std::size_t column, const Vec3x8& v) {
+    v.x.store(at[column]);
+    v.y.store(at[column + 1]);
+    v.z.store(at[column + 2]);
+  }
+  Vec3 get(std::size_t column, std::size_t lane) const { return {at[column][lane], at[column + 1][lane], at[column + 2][lane]}; }
+};
 
 }  // namespace cloudrenderer
 

@@ -11,20 +11,15 @@
 namespace cloudrenderer {
 
 // Concentric map of the unit square to the unit disk (Shirley and Chiu 1997). Density 1/pi.
-inline Vec2 sample_disk(const Vec2& u) {
-  const float a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
-  if (a == 0.f && b == 0.f) return {0.f, 0.f};
-  float r, phi, s, c;
-  if (a * a > b * b) {
-    r = a;
-    phi = (kPi / 4) * (b / a);
-    portable::sincos_eighth(phi, s, c);
-  } else {
-    r = b;
-    phi = (kPi / 4) * (a / b);
-    portable::sincos_eighth(phi, c, s);  // pi/2 - phi
-  }
-  return {r * c, r * s};
+template <class F>
+Vec2Of<F> sample_disk(const Vec2Of<F>& u) {
+  using lanes::select;
+  const F a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
+  const MaskOf<F> first = a * a > b * b;
+  const F r = select(first, a, b), other = select(first, b, a);
+  F s, c;
+  portable::sincos_eighth<F>(select(r != 0.f, (kPi / 4) * (other / r), F(0.f)), s, c);
+  return {r * select(first, c, s), r * select(first, s, c)};  // the angle, or pi/2 minus it
 }
 // Density cos(theta)/pi over the hemisphere around z.
 inline Vec3 sample_cosine_hemisphere(const Vec2& u) {

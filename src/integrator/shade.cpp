@@ -41,6 +41,7 @@ Vec3Of<F> lit_side(const BsdfOf<F>& bsdf, const Vec3Of<F>& ns, const Vec3Of<F>& 
 
 SurfacePoint PathTracer::Shader::surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light,
                                          bool derivatives) const {
+  const PathSegment& s = *path;
   const Part& part = hit.instance == kNone ? set.part(hit.part) : set.prototype(hit.part, hit.instance);
   SurfacePoint p;
   const Transform* to_world = hit.instance == kNone ? nullptr : &set.part(hit.part).instances[hit.instance].to_world;
@@ -79,6 +80,7 @@ SurfacePoint PathTracer::Shader::surface(const Hit& hit, std::uint32_t& material
 
 // The pixel's cone cut by the tangent plane: stretched along the ray by 1 / cos.
 Footprint PathTracer::Shader::footprint(const SurfacePoint& p, float t) const {
+  const PathSegment& s = *path;
   const float width = s.cone_width + s.cone_spread * t;
   if (!(width > 0.f)) return {};
   const Vec3 wo = -s.direction;
@@ -96,6 +98,7 @@ Footprint PathTracer::Shader::footprint(const SurfacePoint& p, float t) const {
 }
 
 void PathTracer::Shader::end() {
+  const PathSegment& s = *path;
   out.ended.push_back({s.task, s.pixel, s.sample, s.owner, end_flags, s.radiance});
   const auto index = static_cast<std::uint32_t>(out.ended.size() - 1);
   for (std::size_t i = first_shadow; i < shadows.size(); ++i) {
@@ -106,6 +109,7 @@ void PathTracer::Shader::end() {
 
 // Sends the path on.
 void PathTracer::Shader::next(const Vec3& origin, const Vec3& direction) {
+  PathSegment& s = *path;
   s.origin = origin;
   s.direction = direction;
   s.best = {};
@@ -122,6 +126,7 @@ void PathTracer::Shader::next(const Vec3& origin, const Vec3& direction) {
 }
 
 void PathTracer::Shader::escape() {
+  const PathSegment& s = *path;
   const Lights& lights = *tracer.lights_;
   if (lights.has_infinite() && tracer.job_.integrator != IntegratorKind::ambient_occlusion) {
     if (s.flags & kSpecularBounce) {
@@ -139,6 +144,7 @@ void PathTracer::Shader::escape() {
 
 // One ray of ambient occlusion over the hemisphere (pbrt-v2: uniform, from 0.01 on).
 void PathTracer::Shader::occlusion(const SurfacePoint& p, const Vec3& offset, const SampleSequence& sequence) {
+  const PathSegment& s = *path;
   const Vec3 n = glm::dot(p.ng, s.direction) > 0.f ? -p.ng : p.ng;
   const Vec2 u = sequence.get_pairs(0)[kDirection];
   const Vec3 w = Frame(n).to_world(tracer.job_.ao_cosine ? sample_cosine_hemisphere(u) : sample_uniform_hemisphere(u));
@@ -187,6 +193,7 @@ template void PathTracer::Shader::scatter<float>(const Bsdf&, bool, ScatterOf<fl
 template void PathTracer::Shader::scatter<Float8>(const Bsdf8&, Mask8, ScatterOf<Float8>&) const;
 
 void PathTracer::Shader::scattered(const ScatterOf<float>& v, float roulette, float t) {
+  PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
   if (v.lit) {
     ++out.counts.shadow;
@@ -230,6 +237,7 @@ void PathTracer::Shader::scattered(const ScatterOf<float>& v, float roulette, fl
 }
 
 void PathTracer::Shader::vertex(const Hit& hit) {
+  PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
   std::uint32_t material, light;
   SurfacePoint p = surface(hit, material, light, tracer.shading_->needs_uv());
@@ -259,7 +267,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     s.cone_width += s.cone_spread * hit.t;
     return next(ray_start(p.p, offset, p.ng, s.direction), s.direction);
   }
-  if (is_over()) return end();
+  if (is_over(s)) return end();
 
   const Footprint print = tracer.footprint_ ? footprint(p, hit.t) : Footprint{};
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, wo, print);

@@ -4,36 +4,6 @@
 
 namespace cloudrenderer {
 
-namespace {
-
-// Numbers of eight vertices on their way into lanes.
-template <std::size_t N>
-struct Columns {
-  alignas(32) float at[N][kLanes];
-  void put(std::size_t column, std::size_t lane, const Vec3& v) {
-    at[column][lane] = v.x;
-    at[column + 1][lane] = v.y;
-    at[column + 2][lane] = v.z;
-  }
-  void put(std::size_t column, std::size_t lane, const Vec2& v) {
-    at[column][lane] = v.x;
-    at[column + 1][lane] = v.y;
-  }
-  Float8 one(std::size_t column) const { return Float8::load(at[column]); }
-  Vec2x8 two(std::size_t column) const { return {one(column), one(column + 1)}; }
-  Vec3x8 three(std::size_t column) const { return {one(column), one(column + 1), one(column + 2)}; }
-  // And back.
-  void store(std::size_t column, const Float8& v) { v.store(at[column]); }
-  void store(std::size_t column, const Vec3x8& v) {
-    v.x.store(at[column]);
-    v.y.store(at[column + 1]);
-    v.z.store(at[column + 2]);
-  }
-  Vec3 get(std::size_t column, std::size_t lane) const { return {at[column][lane], at[column + 1][lane], at[column + 2][lane]}; }
-};
-
-}  // namespace
-
 PathTracer::EightShader::EightShader(Shader& shader, SegmentBatch& batch)
     : shader_(shader), batch_(batch), groups_(4 * shader.tracer.shading_->kinds()) {}
 
@@ -42,13 +12,12 @@ bool PathTracer::EightShader::take(std::size_t i) {
   const PathTracer& tracer = shader_.tracer;
   if (hit.part == kNone || hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion)
     return false;
-  const MeshChunk& chunk = shader_.set.part(hit.part).chunk_of(hit.index);
+  const MeshChunk& chunk = chunk_of(hit);
   if (chunk.light != kNone) return false;
   const std::uint32_t material = tracer.shading_->kind(chunk.material);
   if (material == 0) return false;
-  const PathSegment& s = batch_.segments[i];
-  if ((s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices) {
-    shader_.begin(s);
+  if (shader_.is_over(batch_.segments[i])) {
+    shader_.begin(batch_.segments[i]);
     shader_.end();
     return true;
   }
@@ -62,6 +31,14 @@ bool PathTracer::EightShader::take(std::size_t i) {
   return true;
 }
 
+const MeshChunk& PathTracer::EightShader::chunk_of(const Hit& hit) {
+  if (part_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) {
+    part_ = hit.part;
+    chunk_ = &shader_.set.part(hit.part).chunk_of(hit.index);
+  }
+  return *chunk_;
+}
+
 void PathTracer::EightShader::finish() {
   for (std::size_t kind = 0; kind < groups_.size(); ++kind)
     if (groups_[kind].count) shade(kind, groups_[kind]);
@@ -73,7 +50,8 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   const bool normals = kind & 2u, uvs = kind & 1u;
   enum Column : std::size_t { kP = 0, kN = 9, kUv = 18, kBarycentric = 24, kWay = 26, kThroughput = 29, kColumns = 32 };
   Columns<kColumns> in;
-  std::array<Float8, kLanes> numbers;
+  SampleSequence::Eight sequences;
+  std::array<std::uint32_t, kLanes> vertices;
   std::array<std::uint32_t, kLanes> materials;
   std::uint32_t flips = 0;
   // What is missing to eight is filled up with the first.
@@ -94,11 +72,11 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
     in.put(kBarycentric, lane, Vec2(hit.u, hit.v));
     in.put(kWay, lane, s.direction);
     in.put(kThroughput, lane, s.throughput);
-    numbers[lane] = Float8::load(SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex).numbers);
+    sequences[lane] = SampleSequence(job.sequence, job.seed, s.pixel, s.sample);
+    vertices[lane] = s.vertex;
     materials[lane] = chunk.material;
     flips |= static_cast<std::uint32_t>(chunk.flip != 0) << lane;
   }
-  lanes::transpose(numbers);
 
   TriangleVerticesOf<Float8> triangle;
   triangle.has_normals = normals;
@@ -117,7 +95,7 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   v.offset = ray_offset(point.p, point.p_error, point.ng);
   v.wo = -in.three(kWay);
   v.throughput = in.three(kThroughput);
-  for (std::size_t k = 0; k < v.numbers.size(); ++k) v.numbers[k] = {numbers[k], numbers[4 + k]};
+  v.numbers = SampleSequence::get_pairs(sequences, vertices);
   const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
 

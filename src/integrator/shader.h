@@ -44,16 +44,16 @@ struct PathTracer::Shader {
   ShadeOutput& out;
   std::vector<Shadow>& shadows;
 
-  // The path under work.
-  PathSegment s{};
+  // The path under work, in its batch.
+  PathSegment* path = nullptr;
   std::uint16_t end_flags = 0;
   std::size_t first_shadow = 0;
 
-  void begin(const PathSegment& segment) {
-    s = segment;
+  void begin(PathSegment& segment) {
+    path = &segment;
     end_flags = 0;
     first_shadow = shadows.size();
-    if (s.flags & kCameraRay) ++out.counts.camera;
+    if (segment.flags & kCameraRay) ++out.counts.camera;
   }
   bool to_fixed(Rgb c, Fixed3& fixed) {
     const float limit = tracer.job_.film.max_sample_luminance;
@@ -78,7 +78,7 @@ struct PathTracer::Shader {
     if (is_black(c)) return;
     Fixed3 f;
     if (!to_fixed(c, f)) return;
-    for (std::size_t i = 0; i < 3; ++i) s.radiance[i] += f[i];
+    for (std::size_t i = 0; i < 3; ++i) path->radiance[i] += f[i];
   }
   void shadow(const OcclusionRay& ray, const Rgb& c) {
     if (is_black(c)) return;
@@ -95,7 +95,7 @@ struct PathTracer::Shader {
   void next(const Vec3& origin, const Vec3& direction);
   void occlusion(const SurfacePoint& p, const Vec3& offset, const SampleSequence& sequence);
   // True if the path scatters no more at its vertex.
-  bool is_over() const { return (s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices; }
+  bool is_over(const PathSegment& s) const { return (s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices; }
   // What happens where a path scatters, but for what scattered() does; `active` lanes only.
   template <class F>
   void scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
@@ -128,10 +128,14 @@ class PathTracer::EightShader {
     std::array<std::size_t, kLanes> segments;
     std::array<const MeshChunk*, kLanes> chunks;
   };
+  const MeshChunk& chunk_of(const Hit& hit);
   void shade(std::size_t kind, Group& group);
 
   Shader& shader_;
   SegmentBatch& batch_;
+  // Of the hit before: neighbours mostly lie on one mesh.
+  std::uint32_t part_ = kNone;
+  const MeshChunk* chunk_ = nullptr;
   std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs
 };
 

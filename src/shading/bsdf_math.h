@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "base/portable_math.h"
+#include "base/sampling.h"
 #include "cloudrenderer/math.h"
 #include "shading/bsdf.h"
 
@@ -113,17 +114,14 @@ F cosine_power(F s2, F e) {
   return lanes::select(s2 >= 1.f, pole, lanes::select(vanishes, F(0.f), power));
 }
 
-// Density cos/pi around z by the concentric map (Shirley and Chiu 1997), without unpredictable
-// branches.
+// Density cos/pi around z.
 template <class F>
 Vec3Of<F> sample_cosine(const Vec2Of<F>& u) {
   using lanes::select;
   const F a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
-  const MaskOf<F> first = a * a > b * b;
-  const F r = select(first, a, b), other = select(first, b, a);
-  F s, c;
-  portable::sincos_eighth<F>(select(r != 0.f, (kPi / 4) * (other / r), F(0.f)), s, c);
-  return {r * select(first, c, s), r * select(first, s, c), lanes::sqrt(lanes::max(0.f, 1.f - r * r))};
+  const F r = select(a * a > b * b, a, b);  // of the point in the disk
+  const Vec2Of<F> d = sample_disk(u);
+  return {d.x, d.y, lanes::sqrt(lanes::max(0.f, 1.f - r * r))};
 }
 
 template <class F>
