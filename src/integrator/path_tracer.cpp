@@ -82,18 +82,19 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
                         std::vector<PathSegment>& out) const {
   const BatchTimer timer(time_.camera);
   const std::uint32_t samples = range.sample_end - range.sample_begin, tile_width = range.x1 - range.x0;
-  const std::size_t at = out.size();
-  out.resize(at + count);
+  out.reserve(out.size() + count);
   const bool lens = camera_->uses_lens();
   SampleSequence::Eight sequences;
   Columns<2> corners;
   for (std::uint64_t i = 0; i < count; i += kLanes) {
     const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(kLanes, count - i));
+    out.resize(out.size() + n);
+    PathSegment* const eight = out.data() + (out.size() - n);
     for (std::size_t lane = 0; lane < n; ++lane) {
       const std::uint64_t path = first + i + lane, pixel = path / samples;
       const auto x = range.x0 + static_cast<std::uint32_t>(pixel % tile_width);
       const auto y = range.y0 + static_cast<std::uint32_t>(pixel / tile_width);
-      PathSegment& s = out[at + i + lane];
+      PathSegment& s = eight[lane];
       s.task = range.task;
       s.owner = owner;
       s.pixel = y * job_.film.frame.width + x;
@@ -117,7 +118,7 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
     made.store(7, ray.cone_width);
     made.store(8, ray.cone_spread);
     for (std::size_t lane = 0; lane < n; ++lane) {
-      PathSegment& s = out[at + i + lane];
+      PathSegment& s = eight[lane];
       s.origin = made.get(0, lane);
       s.direction = made.get(3, lane);
       s.throughput = Rgb(made.at[6][lane]);

@@ -101,9 +101,9 @@ void PathTracer::Shader::end() {
   const PathSegment& s = *path;
   out.ended.push_back({s.task, s.pixel, s.sample, s.owner, end_flags, s.radiance});
   const auto index = static_cast<std::uint32_t>(out.ended.size() - 1);
-  for (std::size_t i = first_shadow; i < shadows.size(); ++i) {
-    shadows[i].path = index;
-    shadows[i].path_ended = true;
+  for (std::size_t i = first_shadow; i < shadows.lights.size(); ++i) {
+    shadows.lights[i].path = index;
+    shadows.lights[i].path_ended = true;
   }
 }
 
@@ -119,9 +119,9 @@ void PathTracer::Shader::next(const Vec3& origin, const Vec3& direction) {
   ++out.counts.bounce;
   out.continuing.push_back(s);
   const auto index = static_cast<std::uint32_t>(out.continuing.size() - 1);
-  for (std::size_t i = first_shadow; i < shadows.size(); ++i) {
-    shadows[i].path = index;
-    shadows[i].path_ended = false;
+  for (std::size_t i = first_shadow; i < shadows.lights.size(); ++i) {
+    shadows.lights[i].path = index;
+    shadows.lights[i].path_ended = false;
   }
 }
 
@@ -288,8 +288,10 @@ void PathTracer::Shader::vertex(const Hit& hit) {
 void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   const BatchTimer timer(time_.shade);
   const auto set = resident_.snapshot();
-  std::vector<Shadow> shadows;
-  shadows.reserve(batch.size());
+  Shadows shadows;
+  shadows.rays.reserve(batch.size());
+  shadows.lights.reserve(batch.size());
+  out.continuing.reserve(out.continuing.size() + batch.size());
   Shader shader{*this, *set, out, shadows};
   EightShader eight(shader, batch);
   for (std::size_t i = 0; i < batch.size(); ++i) {

@@ -24,6 +24,7 @@ bool PathTracer::EightShader::take(std::size_t i) {
   // pbrt-v2 takes the side of a triangle from its uv map; nothing else here needs one.
   const bool uvs = chunk.first_uv != kNone && tracer.dialect_ == Dialect::v2;
   const std::size_t kind = 4 * std::size_t{material} + (chunk.first_normal != kNone ? 2 : 0) + (uvs ? 1 : 0);
+  __builtin_prefetch(&shader_.set.part(hit.part).triangles[hit.index]);
   Group& group = groups_[kind];
   group.segments[group.count] = i;
   group.chunks[group.count] = &chunk;

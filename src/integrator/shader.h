@@ -8,12 +8,15 @@ namespace cloudrenderer {
 // What the four pairs of numbers of a vertex are for.
 enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
-// Light that arrives if its ray is free.
-struct PathTracer::Shadow {
-  OcclusionRay ray;
-  Fixed3 contribution;
-  std::uint32_t path;  // index into continuing or ended
-  bool path_ended;
+// Light that arrives if its ray is free: the rays apart from what they are for.
+struct PathTracer::Shadows {
+  struct Light {
+    Fixed3 contribution;
+    std::uint32_t path;  // index into continuing or ended
+    bool path_ended;
+  };
+  std::vector<OcclusionRay> rays;
+  std::vector<Light> lights;
 };
 
 // A vertex where a path scatters; F: one path's, or eight in lanes.
@@ -42,7 +45,7 @@ struct PathTracer::Shader {
   const PathTracer& tracer;
   const ResidentSet& set;
   ShadeOutput& out;
-  std::vector<Shadow>& shadows;
+  Shadows& shadows;
 
   // The path under work, in its batch.
   PathSegment* path = nullptr;
@@ -52,7 +55,7 @@ struct PathTracer::Shader {
   void begin(PathSegment& segment) {
     path = &segment;
     end_flags = 0;
-    first_shadow = shadows.size();
+    first_shadow = shadows.lights.size();
     if (segment.flags & kCameraRay) ++out.counts.camera;
   }
   bool to_fixed(Rgb c, Fixed3& fixed) {
@@ -83,7 +86,9 @@ struct PathTracer::Shader {
   void shadow(const OcclusionRay& ray, const Rgb& c) {
     if (is_black(c)) return;
     Fixed3 f;
-    if (to_fixed(c, f)) shadows.push_back({ray, f, 0, false});
+    if (!to_fixed(c, f)) return;
+    shadows.rays.push_back(ray);
+    shadows.lights.push_back({f, 0, false});
   }
 
 

@@ -5,11 +5,10 @@
 namespace cloudrenderer {
 
 // Tests the batch's shadow rays on what is resident and adds what is free; the rest is left to ask others.
-void PathTracer::resolve_shadows(const ResidentSet& set, std::vector<Shadow>& shadows, ShadeOutput& out) const {
-  if (shadows.empty()) return;
-  std::vector<OcclusionRay> rays(shadows.size());
-  std::vector<std::uint8_t> blocked(shadows.size());
-  for (std::size_t i = 0; i < shadows.size(); ++i) rays[i] = shadows[i].ray;
+void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows, ShadeOutput& out) const {
+  const std::span<const OcclusionRay> rays = shadows.rays;
+  if (rays.empty()) return;
+  std::vector<std::uint8_t> blocked(rays.size());
   {
     const BatchTimer timer(time_.occlusion);
     find_blocked(set, rays, blocked);
@@ -17,18 +16,19 @@ void PathTracer::resolve_shadows(const ResidentSet& set, std::vector<Shadow>& sh
   std::vector<std::uint32_t> leaving;  // shadows that others must answer
   std::vector<Candidate> candidates(map_.part_count());
   const bool complete = one_part_ ? set.has(1) : false;
-  for (std::size_t i = 0; i < shadows.size(); ++i) {
+  for (std::size_t i = 0; i < rays.size(); ++i) {
     if (blocked[i]) continue;
-    const Shadow& w = shadows[i];
+    const Shadows::Light& w = shadows.lights[i];
+    const OcclusionRay& ray = rays[i];
     if (!complete && map_.part_count() > 1) {
-      const std::size_t n = std::min(map_.candidates(w.ray.origin, w.ray.direction, w.ray.t_max, candidates), candidates.size());
+      const std::size_t n = std::min(map_.candidates(ray.origin, ray.direction, ray.t_max, candidates), candidates.size());
       const auto first = static_cast<std::uint32_t>(out.ask_parts.size());
       for (std::size_t c = 0; c < n; ++c)
         if (!set.has(candidates[c].part)) out.ask_parts.push_back(candidates[c].part);
       const auto count = static_cast<std::uint32_t>(out.ask_parts.size()) - first;
       if (count) {
         leaving.push_back(static_cast<std::uint32_t>(i));
-        out.asks.push_back({w.ray, 0, first, count, w.contribution});
+        out.asks.push_back({ray, 0, first, count, w.contribution});
         continue;
       }
     }
@@ -39,7 +39,7 @@ void PathTracer::resolve_shadows(const ResidentSet& set, std::vector<Shadow>& sh
   // Paths that wait move to `parked`; the rest close up. A path has at most one shadow ray a vertex.
   std::vector<std::uint8_t> gone_continuing(out.continuing.size()), gone_ended(out.ended.size());
   for (std::size_t a = 0; a < leaving.size(); ++a) {
-    const Shadow& w = shadows[leaving[a]];
+    const Shadows::Light& w = shadows.lights[leaving[a]];
     out.asks[out.asks.size() - leaving.size() + a].parked = static_cast<std::uint32_t>(out.parked.size());
     ParkedPath parked;
     if (w.path_ended) {
