@@ -60,7 +60,7 @@ class PerspectiveCamera final : public Camera {
     return out;
   }
   CameraRay ray(const Vec2& film, const Vec2& lens) const override { return make_ray<float>(film, lens); }
-  CameraRay8 ray(const Vec2x8& film, const Vec2x8& lens) const override { return make_ray<Float8>(film, lens); }
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return make_ray<Float8>(film, lens); }
   bool uses_lens() const override { return lens_.radius > 0.f; }
 
  private:
@@ -94,7 +94,7 @@ class OrthographicCamera final : public Camera {
     return out;
   }
   CameraRay ray(const Vec2& film, const Vec2& lens) const override { return make_ray<float>(film, lens); }
-  CameraRay8 ray(const Vec2x8& film, const Vec2x8& lens) const override { return make_ray<Float8>(film, lens); }
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return make_ray<Float8>(film, lens); }
   bool uses_lens() const override { return lens_.radius > 0.f; }
 
  private:
@@ -123,7 +123,7 @@ class EnvironmentCamera final : public Camera {
     out.cone_spread = std::sqrt(step_.x * step_.y * std::fabs(sin_theta));
     return out;
   }
-  CameraRay8 ray(const Vec2x8& film, const Vec2x8& lens) const override {
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override {
     CameraRay8 out;
     for (std::size_t i = 0; i < kLanes; ++i) {
       const CameraRay one = ray(lanes::get(film, i), lanes::get(lens, i));

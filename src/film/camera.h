@@ -25,7 +25,7 @@ class Camera {
   virtual ~Camera() = default;
   // film: raster position in pixels of the full film (x right, y down); lens: uniform square.
   virtual CameraRay ray(const Vec2& film, const Vec2& lens) const = 0;
-  virtual CameraRay8 ray(const Vec2x8& film, const Vec2x8& lens) const = 0;  // the same bits in each lane
+  virtual CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const = 0;  // the same bits in each lane
   virtual bool uses_lens() const = 0;
 };
 
@@ -39,7 +39,7 @@ class Filter {
   // Offset from the pixel's centre in pixels, and the weight (+-const for filters with negative
   // lobes; mean 1).
   virtual Vec2 sample(const Vec2& u, float& weight) const = 0;
-  virtual Vec2x8 sample(const Vec2x8& u, Float8& weight) const = 0;
+  virtual Vec2x8 sample8(const Vec2x8& u, Float8& weight) const = 0;
 };
 
 }  // namespace cloudrenderer

@@ -13,7 +13,7 @@ class BoxFilter final : public Filter {
  public:
   explicit BoxFilter(const Vec2& width) : width_(width) {}
   Vec2 sample(const Vec2& u, float& weight) const override { return point(u, weight); }
-  Vec2x8 sample(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
+  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
 
  private:
   template <class F>
@@ -28,7 +28,7 @@ class TriangleFilter final : public Filter {
  public:
   explicit TriangleFilter(const Vec2& width) : width_(width) {}
   Vec2 sample(const Vec2& u, float& weight) const override { return point(u, weight); }
-  Vec2x8 sample(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
+  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
 
  private:
   template <class F>
@@ -93,7 +93,7 @@ class TabulatedFilter final : public Filter {
     weight = wx * wy;
     return out;
   }
-  Vec2x8 sample(const Vec2x8& u, Float8& weight) const override {
+  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override {
     Vec2x8 out;
     for (std::size_t i = 0; i < kLanes; ++i) {
       float one;

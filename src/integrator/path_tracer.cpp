@@ -108,9 +108,9 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
       sequences[lane] = sequences[0];
     }
     Float8 filter_weight;
-    const Vec2x8 offset = filter_->sample(SampleSequence::get_2d(sequences, 0), filter_weight);
+    const Vec2x8 offset = filter_->sample8(SampleSequence::get_2d(sequences, 0), filter_weight);
     const Vec2x8 film = corners.two(0) + Vec2x8(Float8(0.5f)) + offset;
-    const CameraRay8 ray = camera_->ray(film, lens ? SampleSequence::get_2d(sequences, 1) : Vec2x8(Float8(0.5f)));
+    const CameraRay8 ray = camera_->ray8(film, lens ? SampleSequence::get_2d(sequences, 1) : Vec2x8(Float8(0.5f)));
     Columns<9> made;
     made.store(0, ray.origin);
     made.store(3, ray.direction);

@@ -51,32 +51,6 @@ bool same_kind(std::span<const Lobe> a, std::span<const Lobe> b) {
   });
 }
 
-LobeOf<Float8> broadcast(const Lobe& l) {
-  LobeOf<Float8> out;
-  out.kind = l.kind;
-  out.distribution = l.distribution;
-  out.fresnel = l.fresnel;
-  out.transmits = l.transmits;
-  out.scale_radiance = l.scale_radiance;
-  out.scale = Vec3x8(l.scale);
-  out.scale2 = Vec3x8(l.scale2);
-  out.eta = Vec3x8(l.eta);
-  out.k = Vec3x8(l.k);
-  out.alpha_x = l.alpha_x;
-  out.alpha_y = l.alpha_y;
-  out.norm = l.norm;
-  return out;
-}
-void put(LobeOf<Float8>& out, std::size_t lane, const Lobe& l) {
-  lanes::put(out.scale, lane, l.scale);
-  lanes::put(out.scale2, lane, l.scale2);
-  lanes::put(out.eta, lane, l.eta);
-  lanes::put(out.k, lane, l.k);
-  lanes::put(out.alpha_x, lane, l.alpha_x);
-  lanes::put(out.alpha_y, lane, l.alpha_y);
-  lanes::put(out.norm, lane, l.norm);
-}
-
 class SceneShading final : public Shading {
  public:
   SceneShading(const SceneDescription& scene, const Options& options, Warnings& warnings)
@@ -114,9 +88,9 @@ class SceneShading final : public Shading {
     const MaterialRecord& first = records_[materials[0]];
     const bool one = std::all_of(materials.begin(), materials.end(), [&](std::uint32_t m) { return m == materials[0]; });
     for (std::size_t i = 0; i < first.lobes.size(); ++i) {
-      LobeOf<Float8> lobe = broadcast(first.lobes[i]);
+      LobeOf<Float8> lobe = bsdf::in_all_lanes(first.lobes[i]);
       if (!one)
-        for (std::size_t lane = 1; lane < kLanes; ++lane) put(lobe, lane, records_[materials[lane]].lobes[i]);
+        for (std::size_t lane = 1; lane < kLanes; ++lane) bsdf::put(lobe, lane, records_[materials[lane]].lobes[i]);
       b.add(lobe);
     }
     b.finish(wo);
