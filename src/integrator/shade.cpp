@@ -192,37 +192,40 @@ void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatte
 template void PathTracer::Shader::scatter<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::scatter<Float8>(const Bsdf8&, Mask8, ScatterOf<Float8>&) const;
 
-void PathTracer::Shader::scattered(const ScatterOf<float>& v, float roulette, float t) {
+void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, float t) {
+  using R = ScatterResults;
   PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
-  if (v.lit) {
+  if (r.lit >> lane & 1u) {
     ++out.counts.shadow;
-    shadow({v.light_origin, v.light_direction, v.light_distance}, v.light);
+    shadow({r.of.get(R::light_origin, lane), r.of.get(R::light_direction, lane), r.of.at[R::light_distance][lane]},
+           r.of.get(R::light, lane));
   }
-  if (!v.goes_on) return end();
-  s.throughput = v.throughput;
+  if (!(r.goes_on >> lane & 1u)) return end();
+  const bool specular = r.specular >> lane & 1u;
+  s.throughput = r.of.get(R::throughput, lane);
   if (!is_finite(s.throughput)) {
     ++out.counts.invalid;
     end_flags |= kEndInvalid;
     return end();
   }
   ++s.vertex;
-  const bool last = !v.specular && (job.integrator == IntegratorKind::direct || s.vertex >= job.light_vertices);
+  const bool last = !specular && (job.integrator == IntegratorKind::direct || s.vertex >= job.light_vertices);
   if (last) {
     // The ray is only the other half of the light sample at this vertex.
     if (!tracer.hittable_lights_) return end();
     s.flags |= kLastRay;
-  } else if (v.specular && s.vertex > job.emission_vertex && s.vertex >= job.light_vertices) {
+  } else if (specular && s.vertex > job.emission_vertex && s.vertex >= job.light_vertices) {
     return end();
   }
   if (s.vertex > kRouletteFrom) {
     const float survive = std::min(1.f, max_component(s.throughput) * kRouletteScale);
     if (survive < 1.f) {
-      if (roulette >= survive) return end();
+      if (r.of.at[R::roulette][lane] >= survive) return end();
       s.throughput /= survive;
     }
   }
-  if (v.specular) {
+  if (specular) {
     s.flags |= kSpecularBounce;
     s.cone_width += s.cone_spread * t;
     s.previous_pdf = 0;
@@ -230,10 +233,10 @@ void PathTracer::Shader::scattered(const ScatterOf<float>& v, float roulette, fl
     s.flags = static_cast<std::uint16_t>((s.flags & ~kSpecularBounce) | kAnyNonSpecular);
     // As in pbrt, textures seen by light that has scattered are not filtered.
     s.cone_width = s.cone_spread = 0;
-    s.previous_pdf = v.pdf;
+    s.previous_pdf = r.of.at[R::pdf][lane];
   }
-  s.previous_normal = v.side;
-  next(v.origin, v.direction);
+  s.previous_normal = r.of.get(R::side, lane);
+  next(r.of.get(R::origin, lane), r.of.get(R::direction, lane));
 }
 
 void PathTracer::Shader::vertex(const Hit& hit) {
@@ -282,7 +285,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   for (std::size_t i = 0; i < v.numbers.size(); ++i) v.numbers[i] = numbers[i];
   v.throughput = s.throughput;
   scatter(bsdf, true, v);
-  scattered(v, v.numbers[kLobeAndRoulette].y, hit.t);
+  scattered(ScatterResults(v), 0, hit.t);
 }
 
 void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {

@@ -12,32 +12,29 @@ bool PathTracer::EightShader::take(std::size_t i) {
   const PathTracer& tracer = shader_.tracer;
   if (hit.part == kNone || hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion)
     return false;
-  const MeshChunk& chunk = chunk_of(hit);
-  if (chunk.light != kNone) return false;
-  const std::uint32_t material = tracer.shading_->kind(chunk.material);
-  if (material == 0) return false;
+  if (part_number_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) find_chunk(hit);
+  if (group_ == 0) return false;
   if (shader_.is_over(batch_.segments[i])) {
     shader_.begin(batch_.segments[i]);
     shader_.end();
     return true;
   }
-  // pbrt-v2 takes the side of a triangle from its uv map; nothing else here needs one.
-  const bool uvs = chunk.first_uv != kNone && tracer.dialect_ == Dialect::v2;
-  const std::size_t kind = 4 * std::size_t{material} + (chunk.first_normal != kNone ? 2 : 0) + (uvs ? 1 : 0);
-  __builtin_prefetch(&shader_.set.part(hit.part).triangles[hit.index]);
-  Group& group = groups_[kind];
+  Group& group = groups_[group_];
   group.segments[group.count] = i;
-  group.chunks[group.count] = &chunk;
-  if (++group.count == kLanes) shade(kind, group);
+  group.chunks[group.count] = chunk_;
+  group.parts[group.count] = part_;
+  if (++group.count == kLanes) shade(group_, group);
   return true;
 }
 
-const MeshChunk& PathTracer::EightShader::chunk_of(const Hit& hit) {
-  if (part_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) {
-    part_ = hit.part;
-    chunk_ = &shader_.set.part(hit.part).chunk_of(hit.index);
-  }
-  return *chunk_;
+void PathTracer::EightShader::find_chunk(const Hit& hit) {
+  part_number_ = hit.part;
+  part_ = &shader_.set.part(hit.part);
+  chunk_ = &part_->chunk_of(hit.index);
+  // pbrt-v2 takes the side of a triangle from its uv map; nothing else here needs one.
+  const bool uvs = chunk_->first_uv != kNone && shader_.tracer.dialect_ == Dialect::v2;
+  const std::uint32_t material = chunk_->light == kNone ? shader_.tracer.shading_->kind(chunk_->material) : 0;
+  group_ = material ? 4 * std::size_t{material} + (chunk_->first_normal != kNone ? 2 : 0) + (uvs ? 1 : 0) : 0;
 }
 
 void PathTracer::EightShader::finish() {
@@ -61,7 +58,7 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
     const MeshChunk& chunk = *group.chunks[from];
     const PathSegment& s = batch_.segments[i];
     const Hit& hit = batch_.hits[i];
-    const Part& part = shader_.set.part(hit.part);
+    const Part& part = *group.parts[from];
     const Triangle corners = part.triangles[hit.index];
     for (int k = 0; k < 3; ++k) {
       const auto c = static_cast<std::size_t>(k);
@@ -100,44 +97,11 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
 
-  enum Result : std::size_t { kLightOrigin = 0, kLightWay = 3, kLight = 6, kLightDistance = 9, kOrigin = 10, kNextWay = 13,
-                              kNextThroughput = 16, kSide = 19, kPdf = 22, kRoulette = 23, kResults = 24 };
-  Columns<kResults> result;
-  const std::uint32_t lit = lanes::to_bits(v.lit), goes_on = lanes::to_bits(v.goes_on), specular = lanes::to_bits(v.specular);
-  if (lit) {
-    result.store(kLightOrigin, v.light_origin);
-    result.store(kLightWay, v.light_direction);
-    result.store(kLight, v.light);
-    result.store(kLightDistance, v.light_distance);
-  }
-  if (goes_on) {
-    result.store(kOrigin, v.origin);
-    result.store(kNextWay, v.direction);
-    result.store(kNextThroughput, v.throughput);
-    result.store(kPdf, v.pdf);
-  }
-  result.store(kSide, v.side);
-  result.store(kRoulette, v.numbers[kLobeAndRoulette].y);
+  const ScatterResults results(v);
   for (std::size_t lane = 0; lane < group.count; ++lane) {
-    ScatterOf<float> one;
-    one.lit = lit >> lane & 1u;
-    if (one.lit) {
-      one.light_origin = result.get(kLightOrigin, lane);
-      one.light_direction = result.get(kLightWay, lane);
-      one.light = result.get(kLight, lane);
-      one.light_distance = result.at[kLightDistance][lane];
-    }
-    one.goes_on = goes_on >> lane & 1u;
-    one.specular = specular >> lane & 1u;
-    if (one.goes_on) {
-      one.origin = result.get(kOrigin, lane);
-      one.direction = result.get(kNextWay, lane);
-      one.throughput = result.get(kNextThroughput, lane);
-      one.pdf = result.at[kPdf][lane];
-    }
-    one.side = result.get(kSide, lane);
-    shader_.begin(batch_.segments[group.segments[lane]]);
-    shader_.scattered(one, result.at[kRoulette][lane], batch_.hits[group.segments[lane]].t);
+    const std::size_t i = group.segments[lane];
+    shader_.begin(batch_.segments[i]);
+    shader_.scattered(results, lane, batch_.hits[i].t);
   }
   group.count = 0;
 }

@@ -40,6 +40,39 @@ struct ScatterOf {
   F pdf;
 };
 
+// What was found at eight vertices, or in lane 0 at one, on its way from lanes back to single paths.
+struct ScatterResults {
+  enum Column : std::size_t { light_origin = 0, light_direction = 3, light = 6, light_distance = 9, side = 10, roulette = 13,
+                              origin = 14, direction = 17, throughput = 20, pdf = 23, columns = 24 };
+  Columns<columns> of;
+  std::uint32_t lit, goes_on, specular;  // a bit a lane
+
+  template <class F>
+  explicit ScatterResults(const ScatterOf<F>& v)
+      : lit(lanes::to_bits(v.lit)), goes_on(lanes::to_bits(v.goes_on)), specular(lanes::to_bits(v.specular)) {
+    if (lit) {
+      keep(light_origin, v.light_origin);
+      keep(light_direction, v.light_direction);
+      keep(light, v.light);
+      keep(light_distance, v.light_distance);
+    }
+    if (goes_on) {
+      keep(side, v.side);
+      keep(roulette, v.numbers[kLobeAndRoulette].y);
+      keep(origin, v.origin);
+      keep(direction, v.direction);
+      keep(throughput, v.throughput);
+      keep(pdf, v.pdf);
+    }
+  }
+
+ private:
+  void keep(std::size_t column, float x) { of.at[column][0] = x; }
+  void keep(std::size_t column, const Vec3& x) { of.put(column, 0, x); }
+  void keep(std::size_t column, const Float8& x) { of.store(column, x); }
+  void keep(std::size_t column, const Vec3x8& x) { of.store(column, x); }
+};
+
 // Shades one batch; holds what the vertices of a batch share.
 struct PathTracer::Shader {
   const PathTracer& tracer;
@@ -91,7 +124,6 @@ struct PathTracer::Shader {
     shadows.lights.push_back({f, 0, false});
   }
 
-
   SurfacePoint surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
   Footprint footprint(const SurfacePoint& p, float t) const;
   void vertex(const Hit& hit);
@@ -114,7 +146,7 @@ struct PathTracer::Shader {
   template <class F>
   void direct(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
   // Takes the path under work on from its vertex.
-  void scattered(const ScatterOf<float>& v, float roulette, float t);
+  void scattered(const ScatterResults& r, std::size_t lane, float t);
 };
 
 // Vertices that wait until there are eight of a kind: triangles that shine not, with or without normals and uvs, of
@@ -132,15 +164,18 @@ class PathTracer::EightShader {
     std::size_t count = 0;
     std::array<std::size_t, kLanes> segments;
     std::array<const MeshChunk*, kLanes> chunks;
+    std::array<const Part*, kLanes> parts;
   };
-  const MeshChunk& chunk_of(const Hit& hit);
+  void find_chunk(const Hit& hit);
   void shade(std::size_t kind, Group& group);
 
   Shader& shader_;
   SegmentBatch& batch_;
   // Of the hit before: neighbours mostly lie on one mesh.
-  std::uint32_t part_ = kNone;
+  std::uint32_t part_number_ = kNone;
+  const Part* part_ = nullptr;
   const MeshChunk* chunk_ = nullptr;
+  std::size_t group_ = 0;  // 0: by itself
   std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs
 };
 
