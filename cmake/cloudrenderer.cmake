@@ -16,6 +16,13 @@ if(CLOUDRENDERER_SANITIZE)
   target_compile_options(cloudrenderer_options INTERFACE -fsanitize=${CLOUDRENDERER_SANITIZE} -fno-omit-frame-pointer)
   target_link_options(cloudrenderer_options INTERFACE -fsanitize=${CLOUDRENDERER_SANITIZE})
 endif()
+if(CLOUDRENDERER_FUZZ)
+  # What was reached is counted everywhere; the driver itself is linked to the targets in tests/fuzz.
+  # Types of function pointers cannot be checked by clang 14 in coroutines ("difference across sections").
+  target_compile_options(cloudrenderer_options INTERFACE -fsanitize=fuzzer-no-link -fno-sanitize-recover=all
+    -fno-sanitize=function -g)
+  target_compile_definitions(cloudrenderer_options INTERFACE _GLIBCXX_ASSERTIONS)
+endif()
 
 function(cloudrenderer_library name)
   cmake_parse_arguments(A "" "" "SOURCES;LINK" ${ARGN})

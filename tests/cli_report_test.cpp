@@ -12,6 +12,7 @@ RenderOutcome outcome() {
   o.paths_done = 100;
   o.wire_bytes = 2500;
   o.render_s = 2;
+  o.tail = 0.125;
   for (std::uint32_t i : {1u, 2u}) {
     ManagerCore::HostReport& h = o.hosts[HostId(i)];
     h.hello.set_name("host");
@@ -51,6 +52,7 @@ TEST(Report, SumsOverTheHosts) {
   EXPECT_EQ(r["rays"]["camera"], 100);
   EXPECT_EQ(r["rays"]["moved"], 20);
   EXPECT_EQ(r["wire"]["bytes_per_path"], 25.0);
+  EXPECT_EQ(r["tail"], 0.125);
   EXPECT_EQ(r["hosts"][0]["busy"], 0.75);
   EXPECT_TRUE(r["hosts"][0]["left_s"].is_null());
   EXPECT_EQ(r["hosts"][1]["left_s"], 1.5);

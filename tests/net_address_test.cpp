@@ -14,8 +14,8 @@ TEST(Address, ReadsHostsNumbersAndBrackets) {
 }
 
 TEST(Address, SaysWhatIsWrong) {
-  for (const char* text :
-       {"", "host", "host:", "host:x", "host:65536", "host:-1", "::1:80", "[::1:80", "host:80 "})
+  for (const char* text : {"", "host", "host:", "host:x", "host:65536", "host:-1", "::1:80",
+                           "[::1:80", "host:80 ", "[[::1]]:80", "ho[st]:80"})
     EXPECT_THROW(Address::parse(text), UsageError) << text;
 }
 

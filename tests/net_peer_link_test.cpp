@@ -67,6 +67,37 @@ TEST(PeerLink, DeliversOnceAndInOrderOverConnectionsThatBreak) {
   EXPECT_EQ(a->queued(), 0u) << "everything must be acknowledged in the end";
 }
 
+TEST(PeerLink, GivesUpASessionThatIsSilentWhileSomethingWaits) {
+  asio::io_context io;
+  double time = 100;
+  const auto link = std::make_shared<PeerLink>(io, 1, 2, [&] { return time; });
+  std::unique_ptr<Stream> other;  // takes everything and never says a word
+  Listener listener(io, {"127.0.0.1", 0}, [&](std::unique_ptr<Stream> s) { other = std::move(s); });
+  std::string reason;
+  const auto join = [&]() -> asio::awaitable<void> {
+    auto session = std::make_shared<Session>(co_await connect(io, listener.address(), 1s), SessionLimits{});
+    session->trust();
+    session->start({[](WireFrame) {}, [&](const std::string& why) { reason = why; }});
+    link->attach(session);
+  };
+  asio::co_spawn(io, join(), asio::detached);
+  while (!link->connected() || !other) io.run_for(1ms);
+  const auto look_for = [&](double seconds) {
+    for (const double end = time + seconds; time < end; time += 0.25) link->close_if_silent(3);
+    io.run_for(1ms);
+  };
+  look_for(20);
+  EXPECT_EQ(reason, "") << "nothing was asked";
+  link->send(std::make_shared<const std::vector<std::byte>>(300));
+  look_for(2);
+  EXPECT_EQ(reason, "");
+  time += 60;  // this process was stopped: it has not listened
+  look_for(2);
+  EXPECT_EQ(reason, "");
+  look_for(2);
+  EXPECT_EQ(reason, "it has been silent for too long");
+}
+
 TEST(Connect, SaysWhyItFailed) {
   asio::io_context io;
   std::string error;

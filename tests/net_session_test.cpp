@@ -6,6 +6,7 @@
 #include "net/greeting.h"
 #include "net/listener.h"
 #include "net/session.h"
+#include "net/strangers.h"
 
 namespace cloudrenderer {
 namespace {
@@ -60,8 +61,7 @@ class Sessions : public testing::Test {
     const auto head = wire::encode_frame_header(link, payload ? payload->size() : 0);
     std::vector<std::byte> out(head.size() + (payload ? payload->size() : 0));
     std::copy(head.begin(), head.end(), out.begin());
-    if (payload)
-      std::copy(payload->begin(), payload->end(), out.begin() + wire::kFrameHeaderBytes);
+    if (payload) std::copy(payload->begin(), payload->end(), out.begin() + wire::kFrameHeaderBytes);
     return out;
   }
   std::vector<std::byte> read(tcp::socket& s, std::size_t n) {
@@ -115,9 +115,9 @@ TEST_F(Sessions, TakeFramesThatComeInAnyPieces) {
 TEST_F(Sessions, AreClosedOnALengthThatNobodyMaySend) {
   listen();
   for (const std::uint32_t length :
-       {0xffffffffu, 0u, 15u, static_cast<std::uint32_t>(wire::kMaxFrameBytes) + 1}) {
+       {0xffffffffu, 0u, 19u, static_cast<std::uint32_t>(wire::kMaxFrameBytes) + 1}) {
     tcp::socket s = connect();
-    std::array<std::uint32_t, 5> words{length};
+    std::array<std::uint32_t, wire::kFrameHeaderBytes / 4> words{length};
     asio::write(s, asio::buffer(words));
     const int before = closed_;
     run_until([&] { return closed_ == before + 1; });
@@ -189,7 +189,7 @@ TEST_F(Sessions, ManyAtATimeAreNoTrouble) {
     asio::write(sockets.back(), asio::buffer(frame(bytes_of(100, i), 1)));
   }
   for (int i = 0; i < 200; ++i)
-    EXPECT_EQ(read(sockets[static_cast<std::size_t>(i)], 120), frame(bytes_of(100, i), 1));
+    EXPECT_EQ(read(sockets[static_cast<std::size_t>(i)], 100 + wire::kFrameHeaderBytes), frame(bytes_of(100, i), 1));
   sockets.clear();
   run_until([&] { return closed_ == 200; });
 }
@@ -225,6 +225,51 @@ TEST_F(Sessions, GarbageClosesAGreetingWithOneReason) {
   send(frame(wire::encode(proof), 0));
   EXPECT_EQ(introduced, 0);
   for (const std::string& reason : reasons) EXPECT_FALSE(reason.empty());
+}
+
+TEST_F(Sessions, OfPeersThatWereRefusedAreNotListenedToAnyMore) {
+  int introduced = 0;
+  std::vector<std::string> reasons;
+  Listener listener(io_, {"127.0.0.1", 0}, [&](std::unique_ptr<Stream> stream) {
+    greet(std::move(stream), Handshake::Role::accepts, "",
+          {[](const auto&) {},
+           [&](const auto& session, wire::Message&&) {
+             ++introduced;
+             session->close_when_sent("it is refused");
+             return false;
+           },
+           [](const auto&, WireFrame) { ADD_FAILURE() << "it was let in"; },
+           [&](const auto&, const std::string& reason) { reasons.push_back(reason); }});
+  });
+  tcp::socket s(io_);
+  s.connect({asio::ip::make_address("127.0.0.1"), listener.address().port});
+  std::vector<std::byte> all = frame(wire::encode(wire::Proof{}), 0);
+  const auto hello = frame(wire::encode(wire::Hello{}), 0);
+  for (int i = 0; i < 100; ++i) all.insert(all.end(), hello.begin(), hello.end());
+  asio::write(s, asio::buffer(all));
+  run_until([&] { return !reasons.empty(); });
+  EXPECT_EQ(introduced, 1);
+  EXPECT_EQ(reasons, std::vector<std::string>{"it is refused"});
+}
+
+TEST_F(Sessions, OfTooManyStrangersTheOldestMakesRoom) {
+  Strangers strangers(3);
+  Listener listener(io_, {"127.0.0.1", 0}, [&](std::unique_ptr<Stream> stream) {
+    auto session = std::make_shared<Session>(std::move(stream), SessionLimits());
+    session->start({[](WireFrame) {}, [](const std::string&) {}});
+    strangers.add(session);
+    sessions_.push_back(std::move(session));
+  });
+  std::vector<tcp::socket> sockets;
+  for (std::size_t n = 1; n <= 5; ++n) {
+    sockets.emplace_back(io_).connect(
+        {asio::ip::make_address("127.0.0.1"), listener.address().port});
+    run_until([&] { return sessions_.size() == n; });
+    if (n == 2) strangers.remove(sessions_[0]);  // it has introduced itself
+  }
+  run_until([&] { return !sessions_[1]->is_open(); });
+  EXPECT_EQ(strangers.size(), 3u);
+  for (const unsigned there : {0u, 2u, 3u, 4u}) EXPECT_TRUE(sessions_[there]->is_open()) << there;
 }
 
 }  // namespace

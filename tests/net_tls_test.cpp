@@ -25,10 +25,13 @@ std::shared_ptr<const Tls> tls(TlsMode mode) {
   return std::make_shared<const Tls>(o);
 }
 
+// A message with a text of so many bytes.
 wire::Bytes bytes_of(std::size_t n) {
-  std::vector<std::byte> v(n);
-  for (std::size_t i = 0; i < n; ++i) v[i] = static_cast<std::byte>(i * 31 + i / 251);
-  return std::make_shared<const std::vector<std::byte>>(std::move(v));
+  std::string text(n, 0);
+  for (std::size_t i = 0; i < n; ++i) text[i] = static_cast<char>('a' + (i * 31 + i / 251) % 26);
+  wire::Error message;
+  message.set_text(text);
+  return wire::encode(message);
 }
 
 // One end of a connection that greets, introduces itself by a PeerHello, and notes what happens.

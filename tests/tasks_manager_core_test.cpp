@@ -55,12 +55,14 @@ TEST(ManagerCore, MakesTasksSmallerTowardsTheEnd) {
   c.report_loaded(a);
   c.report_loaded(b);
   std::map<std::uint32_t, std::uint64_t> paths;  // in the order of handing out
+  std::set<std::array<std::uint32_t, 3>> seen;
   const auto look = [&] {
     c.listen();
     for (const HostId h : {a, b})
       for (const auto& t : c.tasks[h]) {
         const auto& range = std::get<RendererRange>(t.payload);
-        paths[range.task] = range.paths();
+        if (seen.insert({range.x0, range.y0, range.sample_begin}).second)  // not a second copy
+          paths[range.task] = range.paths();
       }
   };
   for (look(); !c.tasks[a].empty() || !c.tasks[b].empty(); look()) c.work(1);
@@ -122,6 +124,116 @@ TEST(ManagerCore, LosesASilentHost) {
   EXPECT_EQ(c.core.progress().hosts, 1u);
 }
 
+TEST(ManagerCore, BlamesNobodyForTheSilenceWhileItWasAwayItself) {
+  Cluster c;
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  c.core.tick(0.5);
+  c.core.tick(60);  // it was stopped for a minute
+  EXPECT_EQ(c.core.progress().hosts, 2u);
+  for (double t = 60; t < 64; t += 0.5) {
+    c.core.receive(a, wire::Status(), t);
+    c.core.tick(t);
+  }
+  EXPECT_EQ(c.core.take_gone(), (std::vector<HostId>{b}));
+}
+
+TEST(ManagerCore, GoesOnAtOnceWhenOneHostLessThanCopiesIsLost) {
+  ManagerOptions o;
+  o.min_hosts = 6;
+  o.replication = 3;
+  Cluster c(o, job(13, 256, 64));
+  std::vector<HostId> hosts;
+  for (std::uint32_t i = 0; i < o.min_hosts; ++i) hosts.push_back(c.join(1000));
+  for (const HostId h : hosts) c.report_loaded(h);
+  ASSERT_EQ(c.core.phase(), Phase::rendering);
+  ASSERT_LT(c.ordered[hosts[0]].size(), 12u) << "a host that has everything proves nothing";
+  const auto before = c.ordered;
+  for (const HostId h : {hosts[1], hosts[4]}) {
+    c.core.host_lost(h, 1);
+    c.gone.insert(h);
+  }
+  c.work(50);  // no host has reported a part since
+  std::set<std::uint32_t> held;
+  const HostId first = hosts[0];
+  for (const auto& h : c.maps[first].holdings()) held.insert(h.parts().begin(), h.parts().end());
+  EXPECT_EQ(held.size(), 12u);
+  EXPECT_GT(c.core.progress().paths_done, 0u);
+  // Meanwhile the lost copies are made again, where there is room.
+  std::map<std::uint32_t, int> copies;
+  for (const HostId h : {hosts[0], hosts[2], hosts[3], hosts[5]})
+    for (const std::uint32_t p : c.ordered[h]) ++copies[p];
+  for (std::uint32_t p = 1; p < 13; ++p) EXPECT_GE(copies[p], 3) << "part " << p;
+  EXPECT_NE(before, c.ordered);
+}
+
+TEST(ManagerCore, MakesRoomForThePartsOfALeavingHostWithoutLosingAPath) {
+  ManagerOptions o;
+  o.min_hosts = 3;
+  Cluster c(o, job(13, 256, 64));
+  const HostId a = c.join(800), b = c.join(800), d = c.join(800);  // room for seven parts of twelve
+  for (const HostId h : {a, b, d}) c.report_loaded(h);
+  ASSERT_EQ(c.core.phase(), Phase::rendering);
+  const auto status = [&](HostId h, std::uint64_t live) {
+    wire::Status s;
+    s.set_epoch(c.maps[h].epoch());
+    s.set_live_paths(live);
+    c.core.receive(h, s, c.now);
+    c.listen();
+  };
+  const auto before = c.ordered;
+  const auto generation = c.maps[a].generation();
+  const HostId going = [&] {  // whose parts the others' room is too full for
+    for (const HostId h : {a, b, d}) {
+      std::set<std::uint32_t> others;
+      for (const HostId x : {a, b, d})
+        if (x != h) others.insert(c.ordered[x].begin(), c.ordered[x].end());
+      if (others.size() < 12) return h;
+    }
+    return HostId(0);
+  }();
+  ASSERT_NE(going, HostId(0)) << "every two hosts hold everything";
+  c.core.receive(going, wire::Leave(), c.now);
+  c.listen();
+  EXPECT_TRUE(c.maps[a].pause());
+  EXPECT_EQ(c.maps[a].generation(), generation);
+  status(a, 0);
+  status(b, 5);
+  status(d, 0);
+  EXPECT_TRUE(c.maps[a].pause());
+  status(b, 0);
+  EXPECT_FALSE(c.maps[a].pause());
+  EXPECT_GT(c.maps[a].drops_size(), 0);
+  EXPECT_NE(c.ordered, before);
+  std::set<std::uint32_t> others;
+  for (const HostId h : {a, b, d})
+    if (h != going) others.insert(c.ordered[h].begin(), c.ordered[h].end());
+  EXPECT_EQ(others.size(), 12u);
+}
+
+TEST(ManagerCore, LetsTheLastHostGoWithNobodyToHandOverTo) {
+  Cluster c({}, job(5, 64, 64));
+  const HostId a = c.join();
+  c.report_loaded(a);
+  c.core.receive(a, wire::Leave(), 1);
+  c.work();  // what it has begun
+  wire::Status idle;
+  idle.set_idle(true);
+  idle.set_epoch(c.maps[a].epoch());
+  c.core.receive(a, idle, 2);
+  c.listen();
+  idle.set_epoch(c.maps[a].epoch());
+  c.core.receive(a, idle, 3);
+  c.listen();
+  EXPECT_TRUE(c.ended.contains(a));
+  EXPECT_EQ(c.core.phase(), Phase::rendering);
+  const HostId b = c.join();
+  c.report_loaded(b);
+  c.work();
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+}
+
 TEST(ManagerCore, LoadsPartsWithoutAHolderElsewhere) {
   ManagerOptions o;
   o.min_hosts = 3;
@@ -138,13 +250,38 @@ TEST(ManagerCore, LoadsPartsWithoutAHolderElsewhere) {
   EXPECT_NE(c.ordered[a].size() + c.ordered[d].size(), before.at(a).size() + before.at(d).size());
 }
 
-TEST(ManagerCore, FailsWithATextWhenTheRestCannotHoldTheScene) {
+TEST(ManagerCore, PartsComeAndGoWhereTheRestCannotHoldTheScene) {
   Cluster c({}, job(21));
   const HostId a = c.join(2200), b = c.join(1300);
   c.report_loaded(a);
   c.report_loaded(b);
   ASSERT_EQ(c.core.phase(), Phase::rendering);
+  EXPECT_EQ(c.maps[b].paged_size(), 0);
   c.core.host_lost(a, 1);
+  c.report_loaded(b);
+  EXPECT_EQ(c.core.phase(), Phase::rendering);
+  // 1300: the main scene, room for a page, and eleven parts that stay.
+  const int held = c.maps[b].holdings(0).parts_size();
+  EXPECT_EQ(held, 11);
+  EXPECT_EQ(c.maps[b].paged_size(), 20 - held);
+  EXPECT_EQ(c.core.progress().paged_parts, 20u - 11u);
+  // A new host takes what nobody holds; nothing in flight is lost by that.
+  const auto generation = c.maps[b].generation();
+  const HostId d = c.join(2200);
+  c.report_loaded(d);
+  EXPECT_EQ(c.maps[b].paged_size(), 0);
+  EXPECT_EQ(c.maps[b].generation(), generation);
+  EXPECT_EQ(c.core.progress().paged_parts, 0u);
+}
+
+TEST(ManagerCore, PagesNothingWithAHostThatCannot) {
+  Cluster c({}, job(21));
+  wire::Hello h;
+  h.set_protocol(wire::kProtocolVersion);
+  h.set_memory(1300);
+  h.set_threads(1);
+  h.add_features("triangles");
+  ASSERT_TRUE(c.core.join(h, 0));
   EXPECT_EQ(c.core.phase(), Phase::failed);
   EXPECT_NE(c.core.error().find("the parts need"), std::string::npos) << c.core.error();
 }
@@ -153,10 +290,10 @@ TEST(ManagerCore, WaitsForMoreHostsWhereToldTo) {
   ManagerOptions o;
   o.wait_for_room_s = 100;
   Cluster c(o, job(21));
-  const HostId a = c.join(1300);
+  const HostId a = c.join(150);  // not even one part at a time
   EXPECT_FALSE(c.core.finished());
   EXPECT_NE(c.core.waiting_for(), "");
-  const HostId b = c.join(1500);
+  const HostId b = c.join(2500);
   c.report_loaded(a);
   c.report_loaded(b);
   EXPECT_EQ(c.core.phase(), Phase::rendering);
@@ -209,6 +346,7 @@ TEST(ManagerCore, RefusesHostsThatDoNotFit) {
   ManagerOptions o;
   Cluster c(o);
   wire::Hello h;
+  h.set_threads(1);
   h.set_protocol(99);
   EXPECT_FALSE(c.core.join(h, 0));
   h.set_protocol(wire::kProtocolVersion);
@@ -223,6 +361,49 @@ TEST(ManagerCore, RefusesHostsThatDoNotFit) {
   h.set_allow_inexact(true);
   EXPECT_TRUE(c.core.join(h, 0));
   EXPECT_FALSE(c.core.bit_exact());
+}
+
+TEST(ManagerCore, RefusesHostsWithNumbersThatNoHostHas) {
+  Cluster c;
+  wire::Hello h;
+  h.set_protocol(wire::kProtocolVersion);
+  h.set_threads(4);
+  h.set_memory(std::uint64_t{1} << 60);
+  EXPECT_NE(c.core.join(h, 0).error().find("1048576 TiB"), std::string::npos);
+  h.set_memory(10000);
+  for (const std::uint32_t threads : {0u, 1000000u}) {
+    h.set_threads(threads);
+    EXPECT_NE(c.core.join(h, 0).error().find(std::to_string(threads) + " threads"),
+              std::string::npos);
+  }
+  h.set_threads(4);
+  h.set_path_credits(~std::uint64_t{0});
+  EXPECT_TRUE(c.core.join(h, 0));
+}
+
+TEST(ManagerCore, GivesUpAHostWhoseSumsCannotBe) {
+  for (const std::uint32_t even : {0u, 5u}) {  // too few samples, too many
+    ManagerOptions o;
+    o.min_hosts = 2;
+    Cluster c(o, job(1));
+    const HostId a = c.join(), b = c.join();
+    c.report_loaded(a);
+    c.report_loaded(b);
+    const auto& range = std::get<RendererRange>(c.tasks[a].at(0).payload);
+    wire::RendererReply r;
+    r.task = range.task;
+    r.sums.resize(std::size_t{range.x1 - range.x0} * (range.y1 - range.y0));
+    for (PixelSums& p : r.sums) p.count = {even, 0};
+    c.core.receive(a, wire::Reply{c.tasks[a][0].id, 1, std::move(r)}, c.now);
+    EXPECT_EQ(c.core.take_gone(), std::vector<HostId>{a});
+    c.gone.insert(a);
+    c.work();
+    c.finals();
+    EXPECT_EQ(c.core.phase(), Phase::done);
+    for (std::uint32_t y = 0; y < 64; ++y)
+      for (std::uint32_t x = 0; x < 64; ++x)
+        ASSERT_EQ(c.core.film().at(x, y).count, (std::array<std::uint32_t, 2>{8, 8}));
+  }
 }
 
 TEST(ManagerCore, EndsWithAReasonWhenNoHostCanStart) {
@@ -265,7 +446,7 @@ TEST(ManagerCore, GivesToOthersWhatAHostDeclines) {
   EXPECT_EQ(c.core.phase(), Phase::rendering);
 }
 
-TEST(ManagerCore, FailsWhenNobodyHasRoomForAPart) {
+TEST(ManagerCore, PagesWhatNobodyHasRoomFor) {
   Cluster c;
   const HostId a = c.join();
   c.listen();
@@ -273,13 +454,16 @@ TEST(ManagerCore, FailsWhenNobodyHasRoomForAPart) {
   r.set_job(1);
   for (const std::uint32_t p : c.ordered[a]) r.add_declined(p);
   c.core.receive(a, r, 0);
-  EXPECT_NE(c.core.waiting_for(), "");
-  wire::Status s;
-  for (c.now = 0; c.now < 1000 && !c.core.finished(); c.now += 1) {
-    c.core.receive(a, s, c.now);
-    c.core.tick(c.now);
-  }
+  c.listen();
+  EXPECT_EQ(c.core.phase(), Phase::rendering);
+  EXPECT_EQ(c.core.progress().paged_parts, 4u);
+  // The host finds no room for one part alone.
+  wire::LoadReport none;
+  none.set_job(1);
+  none.set_error("there is no room for part 3");
+  c.core.receive(a, none, 1);
   EXPECT_EQ(c.core.phase(), Phase::failed);
+  EXPECT_NE(c.core.error().find("no room for part 3"), std::string::npos);
 }
 
 TEST(ManagerCore, StopsWithWhatIsOnTheWay) {

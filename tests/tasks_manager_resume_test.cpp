@@ -122,6 +122,7 @@ TEST(ManagerCore, RefusesHostsThatComputeOtherBitsThanTheCheckpoint) {
   wire::Hello h;
   h.set_protocol(wire::kProtocolVersion);
   h.set_memory(10000);
+  h.set_threads(1);
   h.set_fingerprint(6);
   const auto id = c.core.join(h, 0);
   ASSERT_FALSE(id);

@@ -37,6 +37,12 @@ struct Cluster {
         for (const std::uint32_t p : load->parts()) ordered[to].insert(p);
       if (auto* map = std::get_if<wire::SceneHostMap>(&m)) maps[to] = *map;
       if (auto* task = std::get_if<wire::SubmitTask>(&m)) tasks[to].push_back(*task);
+      if (auto* cancel = std::get_if<wire::CancelTask>(&m)) {
+        cancelled[to].insert(cancel->task());
+        std::erase_if(tasks[to], [&](const wire::SubmitTask& t) {
+          return std::get<RendererRange>(t.payload).task == cancel->task();
+        });
+      }
       if (std::holds_alternative<wire::JobEnd>(m)) ended.insert(to);
     }
   }
@@ -87,7 +93,7 @@ struct Cluster {
 
   double now = 0;
   ManagerCore core;
-  std::map<HostId, std::set<std::uint32_t>> ordered;
+  std::map<HostId, std::set<std::uint32_t>> ordered, cancelled;
   std::map<HostId, wire::SceneHostMap> maps;
   std::map<HostId, std::vector<wire::SubmitTask>> tasks;
   std::set<HostId> ended, gone;

@@ -45,7 +45,7 @@ class TrivialEngine final : public PathEngine {
     }
     shaded += b.size();
   }
-  void occluded(std::span<const OcclusionRay>, std::span<std::uint8_t>) const override {}
+  std::vector<bool> occluded(std::span<const OcclusionRay>, std::span<std::uint8_t>) const override { return {}; }
   std::uint32_t film_width() const override { return 1024; }
 
   mutable std::uint64_t shaded = 0;

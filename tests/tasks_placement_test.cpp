@@ -206,5 +206,39 @@ TEST(Placement, IsTheSameForTheSameSeed) {
   EXPECT_EQ(*a, *b);
 }
 
+TEST(PagedPlacement, HoldsTheMostVisitedBesideRoomForAPage) {
+  auto in = scene(10, 4 * kMiB, 1, 22 * kMiB);
+  for (std::size_t p = 1; p <= 10; ++p) {
+    in.parts[p].build = kMiB;
+    in.parts[p].page = 6 * kMiB;
+    in.parts[p].visits = p == 3 || p == 7 ? 10 : 1;
+  }
+  ASSERT_FALSE(place(in));
+  const auto placed = place_paged(in);
+  ASSERT_TRUE(placed) << placed.error();
+  // 22 MiB: the main scene 1, a page 6, three parts of 4.
+  EXPECT_EQ(placed->hold[0].size(), 3u);
+  EXPECT_EQ(placed->paged.size(), 7u);
+  for (const std::uint32_t p : {3u, 7u}) EXPECT_FALSE(std::ranges::count(placed->paged, PartId(p)));
+  expect_within_budgets(in, placed->hold);
+}
+
+TEST(PagedPlacement, LeavesPartsWhereTheyAre) {
+  auto in = scene(10, 4 * kMiB, 2, 14 * kMiB);
+  in.hosts[1].holds = {PartId(9), PartId(10)};
+  const auto placed = place_paged(in);
+  ASSERT_TRUE(placed) << placed.error();
+  EXPECT_EQ(placed->hold[1], in.hosts[1].holds);
+  EXPECT_EQ(placed->hold[0].size(), 2u);
+  EXPECT_EQ(placed->paged.size(), 6u);
+}
+
+TEST(PagedPlacement, NeedsRoomForOnePartAtATime) {
+  const auto in = scene(10, 4 * kMiB, 2, 4 * kMiB);
+  const auto placed = place_paged(in);
+  ASSERT_FALSE(placed);
+  EXPECT_NE(placed.error().find("one part at a time"), std::string::npos) << placed.error();
+}
+
 }  // namespace
 }  // namespace cloudrenderer

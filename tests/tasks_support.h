@@ -33,8 +33,8 @@ class NoLoader final : public PartLoader {
  public:
   explicit NoLoader(std::set<std::uint32_t>& resident) : resident_(resident) {}
   std::string start_job(const wire::JobStart&) override { return error; }
-  bool has_room(PartId) const override { return resident_.size() < room; }
-  std::string load(PartId p) override {
+  bool has_room(PartId, BvhForm) const override { return resident_.size() < room; }
+  std::string load(PartId p, BvhForm) override {
     resident_.insert(p.value);
     return {};
   }

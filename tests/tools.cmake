@@ -6,3 +6,11 @@ add_test(NAME tools.generate_scene
   COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_generate_scene_test.py $<TARGET_FILE:generate_scene>)
 set_tests_properties(tools.check_layers tools.check_layers_finds tools.generate_scene
   PROPERTIES LABELS unit TIMEOUT 60)
+# Hosts with a share of a core each; skipped aloud where control groups are not permitted.
+if(TARGET cloudrenderer)
+  add_test(NAME tools.bench_survival
+    COMMAND /usr/bin/python3 ${PROJECT_SOURCE_DIR}/tools/bench_survival.py --program $<TARGET_FILE:cloudrenderer>
+            --runs 1 --spp 128 --check)
+  set_tests_properties(tools.bench_survival
+    PROPERTIES LABELS slow TIMEOUT 900 RUN_SERIAL ON SKIP_RETURN_CODE 77)
+endif()

@@ -144,6 +144,17 @@ void expect_bound(const std::string& what, PartBuilder& builder, double tight) {
   }
 }
 
+// The peak of a part that is loaded for a while.
+void expect_page_bound(const std::string& what, PartBuilder& builder) {
+  SCOPED_TRACE(what);
+  const std::uint64_t predicted = builder.predicted_bytes(), triangles = builder.triangle_count();
+  Resident resident({});
+  const std::uint64_t before = resident.bytes();
+  resident.load_part(PartId{1}, builder.build(), BvhForm::passing);
+  EXPECT_LE(resident.peak_bytes() - before,
+            loaded_bytes::page(triangles, predicted, loaded_bytes::build(triangles, predicted)));
+}
+
 TEST(LoadedBytes, OfTrianglesAreBoundedTightly) {
   const std::vector<std::pair<std::string, MakeMesh>> kinds = {
       {"surface", surface}, {"foliage", foliage}, {"hair", hair},    {"loose", loose},
@@ -153,6 +164,19 @@ TEST(LoadedBytes, OfTrianglesAreBoundedTightly) {
       PartBuilder builder;
       add_mesh(make, n, builder);
       expect_bound(name + " " + std::to_string(n), builder, name == "slivers" ? 1.35 : 1.25);
+    }
+}
+
+TEST(LoadedBytes, OfPassingTrianglesAreBounded) {
+  const std::vector<std::pair<std::string, MakeMesh>> kinds = {
+      {"surface", surface}, {"foliage", foliage}, {"hair", hair},    {"loose", loose},
+      {"sizes", all_sizes}, {"slivers", slivers}, {"tangle", tangle}};
+  for (const auto& [name, make] : kinds)
+    for (const std::size_t n : {std::size_t{1}, std::size_t{2}, std::size_t{8}, std::size_t{64}, std::size_t{1024},
+                                std::size_t{16384}, std::size_t{65536}, std::size_t{90000}, std::size_t{131072}}) {
+      PartBuilder builder;
+      add_mesh(make, n, builder);
+      expect_page_bound(name + " " + std::to_string(n), builder);
     }
 }
 

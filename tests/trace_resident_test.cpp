@@ -67,7 +67,7 @@ std::vector<TraceRay> rays_at_terrain(std::uint32_t n) {
   std::mt19937 rng(11);
   std::uniform_real_distribution<float> u(0, 1);
   std::vector<TraceRay> rays;
-  for (int i = 0; i < 40000; ++i) {
+  for (int i = 0; i < 80000; ++i) {
     TraceRay r;
     const float size = static_cast<float>(n);
     // Half of the rays aim at vertices and edges exactly, where triangles tie.
@@ -112,12 +112,30 @@ TEST(Resident, SplitAndOrderOfPartsDoNotChangeTheHit) {
   EXPECT_GT(hits, 30000);
 }
 
-TEST(Resident, PacketsFindTheSameBitsAsSingleRays) {
+TEST(Resident, FormsOfTheBvhFindTheSameBits) {
   prepare_compute_thread();
   const std::uint32_t n = 60;
-  Resident resident({});
-  resident.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)));
-  const auto set = resident.snapshot();
+  Resident fast({}), passing({});
+  fast.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)), BvhForm::fast);
+  passing.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)), BvhForm::passing);
+  const auto a = fast.snapshot(), b = passing.snapshot();
+  for (const TraceRay& ray : rays_at_terrain(n)) {
+    Hit one, other;
+    a->intersect(1, ray, one);
+    b->intersect(1, ray, other);
+    expect_same(one, other);
+    ASSERT_EQ(a->occluded(1, ray), b->occluded(1, ray));
+  }
+}
+
+// In every form of the BVH, and with what is known of other parts: the surface is one part, or three.
+void expect_packets_like_single_rays(BvhForm form, std::uint32_t parts) {
+  prepare_compute_thread();
+  const std::uint32_t n = 60;
+  Resident whole({}), cut({});
+  whole.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)));
+  for (std::uint32_t k = 0; k < parts; ++k) cut.load_part(PartId{k + 1}, as_part(terrain(n, parts, k, k == 1)), form);
+  const auto a = whole.snapshot(), b = cut.snapshot();
   const std::vector<TraceRay> rays = rays_at_terrain(n);
   for (std::size_t i = 0; i + 8 <= rays.size(); i += 8) {
     std::array<Hit, 8> single, packet, coherent;
@@ -126,12 +144,15 @@ TEST(Resident, PacketsFindTheSameBitsAsSingleRays) {
       lanes::put(p.origin, k, rays[i + k].origin);
       lanes::put(p.direction, k, rays[i + k].direction);
       lanes::put(p.t_max, k, rays[i + k].t_max);
-      set->intersect(1, rays[i + k], single[k]);
+      a->intersect(1, rays[i + k], single[k]);
     }
     const auto active = static_cast<std::uint32_t>(0xff & ~(i / 8 % 256)) | 1u;
-    set->intersect8(1, p, active, Coherence::any, packet.data());
-    set->intersect8(1, p, active, Coherence::alike, coherent.data());
-    const std::uint32_t blocked = set->occluded8(1, p, active);
+    std::uint32_t blocked = 0;
+    for (std::uint32_t part = 1; part <= parts; ++part) {
+      b->intersect8(part, p, active, Coherence::any, packet.data());
+      b->intersect8(parts + 1 - part, p, active, Coherence::alike, coherent.data());
+      blocked |= b->occluded8(part, p, active);
+    }
     for (std::size_t k = 0; k < 8; ++k) {
       if (!(active >> k & 1u)) {
         ASSERT_EQ(packet[k].part, kNone);
@@ -142,6 +163,13 @@ TEST(Resident, PacketsFindTheSameBitsAsSingleRays) {
       ASSERT_EQ(blocked >> k & 1u, single[k].part != kNone ? 1u : 0u);
     }
   }
+}
+
+TEST(Resident, PacketsFindTheSameBitsAsSingleRays) { expect_packets_like_single_rays(BvhForm::fast, 1); }
+TEST(Resident, PacketsFindTheSameBitsInEveryFormOfTheBvh) { expect_packets_like_single_rays(BvhForm::passing, 1); }
+TEST(Resident, PacketsFindTheSameBitsInSplitSurfaces) {
+  expect_packets_like_single_rays(BvhForm::fast, 3);
+  expect_packets_like_single_rays(BvhForm::passing, 3);
 }
 
 TEST(Resident, InstancesAndQuadricsReportGlobalIds) {

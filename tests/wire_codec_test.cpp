@@ -212,11 +212,21 @@ TEST(FrameHeader, GoesThereAndBack) {
 
 TEST(FrameHeader, RefusesAbsurdLengths) {
   EXPECT_FALSE(decode_frame_header(encode_frame_header({}, kMaxFrameBytes)));
-  EXPECT_TRUE(decode_frame_header(encode_frame_header({}, kMaxFrameBytes - 20)));
+  EXPECT_TRUE(decode_frame_header(encode_frame_header({}, kMaxFrameBytes - kFrameHeaderBytes)));
   auto bytes = encode_frame_header({}, 0);
   EXPECT_TRUE(decode_frame_header(bytes));
-  bytes[0] = std::byte{15};
+  bytes[0] = std::byte{19};
   EXPECT_FALSE(decode_frame_header(bytes));
+}
+
+TEST(FrameHeader, RefusesAnyAlteredByte) {
+  const auto whole = encode_frame_header({0x12345678, 17, 16, 5}, 300);
+  for (std::size_t i = 0; i < whole.size(); ++i)
+    for (const int bit : {0, 3, 7}) {
+      auto bytes = whole;
+      bytes[i] ^= std::byte{1} << bit;
+      EXPECT_FALSE(decode_frame_header(bytes)) << "byte " << i;
+    }
 }
 
 }  // namespace

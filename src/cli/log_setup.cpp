@@ -1,3 +1,4 @@
+#include <google/protobuf/stubs/logging.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
@@ -8,6 +9,8 @@
 namespace cloudrenderer {
 
 void set_up_log(const LogOptions& options) {
+  // It would print a line for every text of a stranger that is no UTF-8; decoding says so, too.
+  google::protobuf::SetLogHandler(nullptr);
   try {
     const auto logger = options.file.empty()
                             ? spdlog::stderr_color_mt("cloudrenderer")

@@ -190,7 +190,7 @@ Command parse_command_line(int argc, const char* const* argv) {
                          "workers to wait for before the start (default 1)");
   manager_app.add_option("--wait", t.wait, "give up after so many seconds without a worker");
   manager_app.add_option("--lost-after", t.lost_after,
-                         "seconds of silence after which a worker is lost (default 10)");
+                         "seconds of silence after which a worker is lost (default 3)");
   add_door(manager_app, t, manager.token_file, manager.request.tls);
 
   WorkerOptionsGiven worker;

@@ -45,7 +45,8 @@ std::string describe(const RenderProgress& p) {
   if (made > 0.001 * (made + left) && p.render_s > 0.2)
     text += fmt::format(", {} to go", clock_text(p.render_s / made * left));
   if (p.render_s > 0.2) text += fmt::format(", {}samples/s", rate_text(made / p.render_s));
-  text += fmt::format(", {} {}", p.hosts, p.hosts == 1 ? "host" : "hosts");
+  text += p.hosts == 0 ? ", waiting for hosts"
+                       : fmt::format(", {} {}", p.hosts, p.hosts == 1 ? "host" : "hosts");
   if (p.estimated_relmse && *p.estimated_relmse > 0)
     text += fmt::format(", relMSE about {:.2g}", *p.estimated_relmse);
   return text;

@@ -21,6 +21,7 @@ PlacementPart placement_part(const Manifest& manifest, std::uint32_t part) {
   p.bytes = info.loaded_bytes;
   p.prototypes = info.prototypes;
   p.build = build_bytes(manifest, part);
+  p.page = loaded_bytes::page(info.triangles, info.loaded_bytes, p.build);
   Bounds3 bounds;
   for (const Bounds3& b : info.boxes) bounds.extend(b);
   if (!bounds.empty()) p.center = bounds.center();

@@ -13,7 +13,7 @@ LocalHost::LocalHost(asio::io_context& io, const Clock& clock, Manager& manager,
   options.alpha = config.alpha;
   const std::uint64_t incarnation = new_incarnation();
   const Result<HostId> self = manager.join_local(
-      make_hello(incarnation, config.name, config.memory, config.threads, options.path_credits),
+      make_hello(incarnation, config.name, config.memory, config.threads, options),
       [this](wire::Message&& m) {
         if (std::holds_alternative<wire::JobEnd>(m)) engine_seconds_ = loader_.engine_seconds();
         if (!std::holds_alternative<wire::Welcome>(m)) node_->receive(HostId{0}, std::move(m));

@@ -20,7 +20,8 @@ Manager::Manager(asio::io_context& io, const Clock& clock, Config config)
       clock_(clock),
       config_(std::move(config)),
       core_(config_.core, config_.job),
-      blobs_(config_.folder) {
+      blobs_(config_.folder),
+      strangers_(kMaxStrangers) {
   ticker_ = std::make_shared<Ticker>(io, clock, [this] { return tick(); });
 }
 
@@ -33,20 +34,18 @@ Address Manager::listen(const Address& address) {
 }
 
 void Manager::accept(std::unique_ptr<Stream> stream) {
-  if (sessions_.size() - session_hosts_.size() >= kMaxStrangers) {
-    spdlog::warn("{} is turned away: too many connections that have not introduced themselves",
-                 stream->peer());
-    return stream->close();
-  }
   GreetingHandlers h;
   h.proved = [](const auto&) {};
   h.introduced = [this](const auto& s, wire::Message&& m) { return introduce(s, std::move(m)); };
   h.frame = [this](const auto& s, WireFrame f) { receive(s, std::move(f)); };
   h.closed = [this](const auto& s, const std::string& reason) { closed(s, reason); };
-  sessions_.insert(greet(std::move(stream), Handshake::Role::accepts, config_.token, std::move(h)));
+  auto session = greet(std::move(stream), Handshake::Role::accepts, config_.token, std::move(h));
+  strangers_.add(session);
+  sessions_.insert(std::move(session));
 }
 
 bool Manager::introduce(const std::shared_ptr<Session>& session, wire::Message&& message) {
+  strangers_.remove(session);
   const auto* hello = std::get_if<wire::Hello>(&message);
   if (hello == nullptr) {
     session->close(std::string("it sent ") + wire::message_name(message) + " instead of Hello");
@@ -57,8 +56,7 @@ bool Manager::introduce(const std::shared_ptr<Session>& session, wire::Message&&
     wire::Refused refused;
     refused.set_reason("this host is not known here any more; it may come as a new one");
     send_unsequenced(*session, refused);
-    spdlog::info("host {} at {} was with another manager", hello->name(), session->peer());
-    session->close_when_sent();
+    session->close_when_sent("host " + hello->name() + " was with another manager");
     return false;
   }
   const Result<HostId> id = core_.join(*hello, clock_.now());
@@ -66,8 +64,7 @@ bool Manager::introduce(const std::shared_ptr<Session>& session, wire::Message&&
     wire::Refused refused;
     refused.set_reason(id.error());
     send_unsequenced(*session, refused);
-    spdlog::warn("host {} at {} is refused: {}", hello->name(), session->peer(), id.error());
-    session->close_when_sent();
+    session->close_when_sent("host " + hello->name() + " is refused: " + id.error());
     drain();
     return false;
   }
@@ -134,6 +131,7 @@ void Manager::closed(const std::shared_ptr<Session>& session, const std::string&
   closed_sent_ += session->bytes_sent();
   closed_received_ += session->bytes_received();
   sessions_.erase(session);
+  strangers_.remove(session);
   const auto host = session_hosts_.find(session.get());
   if (host == session_hosts_.end()) {
     if (!reason.empty())
@@ -152,7 +150,6 @@ void Manager::closed(const std::shared_ptr<Session>& session, const std::string&
       [this, id, timer, connection = peer->second.connection](const std::error_code&) {
         const auto p = peers_.find(id);
         if (shut_ || p == peers_.end() || p->second.connection != connection) return;
-        spdlog::warn("host {} is lost", id.value);
         core_.host_lost(id, clock_.now());
         drain();
       });
@@ -204,12 +201,24 @@ void Manager::drain() {
   for (const HostId gone : core_.take_gone()) {
     const auto peer = peers_.find(gone);
     if (peer == peers_.end()) continue;
+    if (core_.hosts().at(gone).lost) spdlog::warn("host {} is lost", gone.value);
     if (peer->second.link) peer->second.link->close_when_sent();
     peers_.erase(peer);
   }
+  tell_paging();
   draining_ = false;
   ticker_->at(core_.deadline());
   if (config_.changed) config_.changed();
+}
+
+void Manager::tell_paging() {
+  const std::uint32_t parts = core_.progress().paged_parts;
+  if (parts == paged_parts_) return;
+  if (parts > paged_parts_)
+    spdlog::warn("the memory of all hosts is too small for the scene: {} parts are loaded whenever rays need them", parts);
+  else if (parts == 0)
+    spdlog::info("there is memory for all parts now");
+  paged_parts_ = parts;
 }
 
 void Manager::shut() {
@@ -220,7 +229,7 @@ void Manager::shut() {
   for (auto& [id, peer] : peers_)
     if (peer.link) peer.link->close_when_sent();
   for (const auto& session : sessions_)
-    if (!session_hosts_.contains(session.get())) session->close();
+    if (!session_hosts_.contains(session.get())) session->close("the job is over");
 }
 
 std::uint64_t Manager::bytes_sent() const {

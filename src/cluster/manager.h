@@ -13,6 +13,7 @@
 #include "net/greeting.h"
 #include "net/listener.h"
 #include "net/peer_link.h"
+#include "net/strangers.h"
 #include "tasks/manager_core.h"
 
 namespace cloudrenderer {
@@ -41,6 +42,7 @@ class Manager {
   ManagerCore& core() { return core_; }
   // To be called after using core() in a way that may have filled its outbox.
   void drain();
+  void tell_paging();
   // The job is over: every connection is closed when what is queued has left. The io_context runs
   // dry then.
   void shut();
@@ -72,10 +74,12 @@ class Manager {
   std::map<HostId, Peer> peers_;
   std::map<const Session*, HostId> session_hosts_;
   std::set<std::shared_ptr<Session>> sessions_;  // all that are open, strangers too
+  Strangers strangers_;
   std::unique_ptr<Listener> listener_;
   std::shared_ptr<Ticker> ticker_;
   std::uint64_t closed_sent_ = 0, closed_received_ = 0, blob_bytes_ = 0;
   bool draining_ = false, shut_ = false;
+  std::uint32_t paged_parts_ = 0;  // that the user knows of
 };
 
 }  // namespace cloudrenderer

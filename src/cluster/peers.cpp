@@ -14,6 +14,9 @@ namespace {
 using namespace std::chrono_literals;
 constexpr auto kAttempt = 3s;  // of one connection
 constexpr auto kBetweenAttempts = 1s;
+// A host that the others have lost does not know it yet: they close what it opens, and it must not
+// spend its time on that.
+constexpr auto kBeforeAgain = 200ms;
 constexpr auto kOthersTurn =
     3s;  // how long the host with the smaller number waits to be connected to
 constexpr std::size_t kMaxStrangers = 64;
@@ -21,7 +24,11 @@ constexpr std::size_t kMaxStrangers = 64;
 }  // namespace
 
 Peers::Peers(asio::io_context& io, Self self, PeerLink::Now now, Callbacks callbacks)
-    : io_(io), self_(std::move(self)), now_(std::move(now)), callbacks_(std::move(callbacks)) {}
+    : io_(io),
+      self_(std::move(self)),
+      now_(std::move(now)),
+      callbacks_(std::move(callbacks)),
+      strangers_(kMaxStrangers) {}
 
 std::shared_ptr<PeerLink> Peers::link_of(HostId host) const {
   const std::lock_guard lock(mutex_);
@@ -51,7 +58,7 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
     }
     peer.incarnation = h.incarnation();
     peer.link = std::make_shared<PeerLink>(io_, self_.incarnation, h.incarnation(), now_);
-    spawn_connector(host, peers_[host] = std::move(peer));
+    spawn_connector(host, peers_[host] = std::move(peer), 0ms);
   }
   std::erase_if(peers_, [&](auto& entry) {
     if (there.contains(entry.first)) return false;
@@ -60,10 +67,12 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
   });
 }
 
-void Peers::spawn_connector(HostId host, const Peer& peer) {
+void Peers::spawn_connector(HostId host, const Peer& peer,
+                            std::chrono::milliseconds first_pause) {
+  if (self_.host < host) first_pause = kOthersTurn;
   // Posted: the mutex is held here.
-  asio::post(io_, [this, host, link = peer.link, address = peer.address] {
-    asio::co_spawn(io_, keep_connected(host, link, address, host < self_.host),
+  asio::post(io_, [this, host, link = peer.link, address = peer.address, first_pause] {
+    asio::co_spawn(io_, keep_connected(host, link, address, first_pause),
                    [host](std::exception_ptr error) {
                      if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
                    });
@@ -71,10 +80,11 @@ void Peers::spawn_connector(HostId host, const Peer& peer) {
 }
 
 asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLink> link,
-                                            Address address, bool at_once) {
+                                            Address address,
+                                            std::chrono::milliseconds first_pause) {
   asio::steady_timer timer(io_);
-  if (!at_once) {
-    timer.expires_after(kOthersTurn);
+  if (first_pause > 0ms) {
+    timer.expires_after(first_pause);
     co_await timer.async_wait(asio::use_awaitable);
   }
   while (link_of(host) == link && !link->connected()) {
@@ -94,7 +104,6 @@ asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLin
 }
 
 void Peers::accept(std::unique_ptr<Stream> stream) {
-  if (sessions_.size() - session_hosts_.size() >= kMaxStrangers) return stream->close();
   open(std::move(stream), Handshake::Role::accepts, std::nullopt);
 }
 
@@ -112,15 +121,15 @@ void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role, std::opti
   h.introduced = [this](const auto& session, wire::Message&& m) { return introduced(session, m); };
   h.frame = [this](const auto& session, WireFrame f) { receive(session, std::move(f)); };
   h.closed = [this, to, proved](const auto& session, const std::string& reason) {
-    if (!*proved && !reason.empty()) {
-      spdlog::warn("the connection {} {} was closed: {}", to ? "to" : "of", session->peer(),
-                   reason);
-      // Who has another secret, or another --tls, is out of reach like who does not answer.
-      if (to) callbacks_.unreachable(*to);
-    }
+    // Who has another secret, or another --tls, is out of reach like who does not answer.
+    if (!*proved && !reason.empty() && to) callbacks_.unreachable(*to);
+    if (!session_hosts_.contains(session.get()) && !reason.empty())
+      spdlog::log(*proved ? spdlog::level::info : spdlog::level::warn,
+                  "the connection {} {} was closed: {}", to ? "to" : "of", session->peer(), reason);
     closed(session, reason);
   };
   auto session = greet(std::move(stream), role, self_.token, std::move(h));
+  if (role == Handshake::Role::accepts) strangers_.add(session);
   const std::lock_guard lock(mutex_);
   sessions_.insert(std::move(session));
 }
@@ -144,6 +153,7 @@ bool Peers::introduced(const std::shared_ptr<Session>& session, const wire::Mess
                    ", which is not known");
     return false;
   }
+  strangers_.remove(session);
   session_hosts_[session.get()] = host;
   link->attach(session);
   callbacks_.reachable(host);
@@ -164,15 +174,12 @@ void Peers::receive(const std::shared_ptr<Session>& session, WireFrame frame) {
 
 void Peers::closed(const std::shared_ptr<Session>& session, const std::string& reason) {
   const auto known = session_hosts_.find(session.get());
+  strangers_.remove(session);
   const std::lock_guard lock(mutex_);
   closed_sent_ += session->bytes_sent();
   closed_received_ += session->bytes_received();
   sessions_.erase(session);
-  if (known == session_hosts_.end()) {
-    if (!reason.empty())
-      spdlog::info("the connection of {} was closed: {}", session->peer(), reason);
-    return;
-  }
+  if (known == session_hosts_.end()) return;
   const HostId host = known->second;
   session_hosts_.erase(known);
   const auto peer = peers_.find(host);
@@ -180,7 +187,12 @@ void Peers::closed(const std::shared_ptr<Session>& session, const std::string& r
   peer->second.link->detach(session.get());
   if (peer->second.link->connected()) return;
   spdlog::info("the connection to host {} has ended: {}", host.value, reason);
-  spawn_connector(host, peer->second);
+  spawn_connector(host, peer->second, kBeforeAgain);
+}
+
+void Peers::close_silent(double seconds) {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [host, peer] : peers_) peer.link->close_if_silent(seconds);
 }
 
 bool Peers::drained() const {

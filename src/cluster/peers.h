@@ -1,5 +1,6 @@
 #pragma once
 #include <asio/io_context.hpp>
+#include <chrono>
 #include <functional>
 #include <map>
 #include <memory>
@@ -13,6 +14,7 @@
 #include "base/id.h"
 #include "net/greeting.h"
 #include "net/peer_link.h"
+#include "net/strangers.h"
 
 namespace cloudrenderer {
 
@@ -37,6 +39,7 @@ class Peers {
   std::pair<std::uint64_t, std::uint64_t> bytes() const;   // any thread: sent and received
   bool drained() const;                         // any thread: all that was sent is acknowledged
   void accept(std::unique_ptr<Stream> stream);  // on the I/O thread, as what follows
+  void close_silent(double seconds);            // see PeerLink::close_if_silent
 
  private:
   struct Peer {
@@ -47,11 +50,11 @@ class Peers {
   // `to`: whom we have called, if it was us.
   void open(std::unique_ptr<Stream> stream, Handshake::Role role, std::optional<HostId> to);
   asio::awaitable<void> keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address,
-                                       bool at_once);
+                                       std::chrono::milliseconds first_pause);
   bool introduced(const std::shared_ptr<Session>& session, const wire::Message& message);
   void receive(const std::shared_ptr<Session>& session, WireFrame frame);
   void closed(const std::shared_ptr<Session>& session, const std::string& reason);
-  void spawn_connector(HostId host, const Peer& peer);
+  void spawn_connector(HostId host, const Peer& peer, std::chrono::milliseconds first_pause);
   std::shared_ptr<PeerLink> link_of(HostId host) const;
 
   asio::io_context& io_;
@@ -62,7 +65,8 @@ class Peers {
   std::map<HostId, Peer> peers_;
   std::set<std::shared_ptr<Session>> sessions_;
   std::uint64_t closed_sent_ = 0, closed_received_ = 0;
-  std::map<const Session*, HostId> session_hosts_;  // I/O thread only
+  std::map<const Session*, HostId> session_hosts_;  // I/O thread only, as what follows
+  Strangers strangers_;
 };
 
 }  // namespace cloudrenderer

@@ -70,6 +70,7 @@ class RenderRun {
     if (is_split_folder(request_.scene)) {
       folder_ = request_.scene;
       manifest_ = std::make_shared<Manifest>(open_split(folder_));
+      check_part_files(folder_, *manifest_);
     } else {
       temporary_ = std::make_unique<TemporaryFolder>();
       folder_ = temporary_->path();
@@ -274,7 +275,13 @@ class RenderRun {
       if (alive == 0 || (core.phase() == ManagerCore::Phase::gathering && alive < request_.hosts))
         return fail("the hosts on this machine have ended");
     }
-    if (request_.listen && p.hosts > 0) alone_since_ = now;
+    if (request_.listen && p.hosts > 0) {
+      alone_since_ = now;
+      said_alone_ = false;
+    } else if (request_.listen && !said_alone_ && (rendering || core.phase() == ManagerCore::Phase::loading)) {
+      said_alone_ = true;
+      spdlog::warn("no worker is left: waiting for one to join");
+    }
     if (request_.listen && p.hosts == 0 && request_.wait_s && now > alone_since_ + *request_.wait_s)
       return fail("no host has come in " + std::to_string(static_cast<int>(*request_.wait_s)) +
                   " seconds");
@@ -334,6 +341,7 @@ class RenderRun {
     out.clamped_samples = p.clamped_samples;
     out.load_s = p.render_began;
     out.render_s = std::max(0.0, p.render_ended - p.render_began);
+    out.tail = core.tail(0.1);
     out.wire_bytes = manager_->bytes_sent();
     out.cpu_s = cpu_seconds();
     for (const auto& [id, host] : out.hosts) {
@@ -391,6 +399,7 @@ class RenderRun {
   std::vector<ConvergencePoint> convergence_;
   std::optional<double> estimate_;
   double estimated_at_ = 0, alone_since_ = 0;
+  bool said_alone_ = false;
 };
 
 }  // namespace

@@ -31,7 +31,7 @@ struct RenderRequest {
   TlsOptions tls;
   bool allow_inexact = false;
   float alpha = 0.25f;
-  double lost_after_s = 10;
+  double lost_after_s = 3;
   std::optional<double> wait_s;  // without any host
   std::optional<double> max_error, max_time_s;
   std::optional<Image> reference;
@@ -79,6 +79,7 @@ struct RenderOutcome {
   std::string checkpoint;        // that was written; "": none
   std::string checkpoint_error;  // why it could not be: the picture is what there was by then
   double wall_s = 0, load_s = 0, render_s = 0, cpu_s = 0;
+  double tail = 0;  // share of render_s that the last tenth of the paths took
   std::uint64_t paths_restored = 0;  // of those done: by earlier runs
   std::uint64_t paths_done = 0, invalid_samples = 0, clamped_samples = 0;
   std::uint64_t wire_bytes = 0;  // sent by all processes, parts and files left out

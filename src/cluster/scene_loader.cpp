@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "cluster/job_start.h"
 #include "parts/check.h"
+#include "parts/part_builder.h"
 #include "parts/split.h"
 
 namespace cloudrenderer {
@@ -158,23 +159,26 @@ void SceneLoader::load_prototypes(Scene& scene, std::uint32_t part) {
 
 // By what is really resident now, so that a prediction that was too low (or textures, which nobody
 // predicts) makes the host take fewer parts, and not more memory.
-bool SceneLoader::has_room(PartId part) const {
+bool SceneLoader::has_room(PartId part, BvhForm form) const {
   const std::shared_ptr<Scene> s = scene();
   if (!s || part.value >= s->manifest->parts.size()) return true;  // load() says what is wrong
   const Manifest& m = *s->manifest;
-  std::uint64_t more = m.parts[part.value].loaded_bytes + build_bytes(m, part.value);
+  const PartInfo& info = m.parts[part.value];
+  const std::uint64_t build = build_bytes(m, part.value);
+  std::uint64_t more = form == BvhForm::passing ? loaded_bytes::page(info.triangles, info.loaded_bytes, build)
+                                                : info.loaded_bytes + build;
   for (const std::uint32_t p : m.parts[part.value].prototypes)
     if (s->prototype_uses[p] == 0) more += m.prototypes[p].loaded_bytes;
   return bytes_used() + more <= memory_;
 }
 
-std::string SceneLoader::load(PartId part) {
+std::string SceneLoader::load(PartId part, BvhForm form) {
   return error_of([&] {
     const std::shared_ptr<Scene> s = scene();
     if (!s) throw ClusterError("no job has been started");
     Part data = read(*s, wire::BLOB_PART, part.value);
     load_prototypes(*s, part.value);
-    s->resident->load_part(part, std::move(data));
+    s->resident->load_part(part, std::move(data), form);
   });
 }
 

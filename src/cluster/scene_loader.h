@@ -29,8 +29,8 @@ class SceneLoader final : public PartLoader {
   ~SceneLoader() override;
 
   std::string start_job(const wire::JobStart& job) override;
-  bool has_room(PartId part) const override;
-  std::string load(PartId part) override;
+  bool has_room(PartId part, BvhForm form) const override;
+  std::string load(PartId part, BvhForm form) override;
   void unload(PartId part) override;
   void end_job() override;
   std::uint64_t bytes_used() const override;

@@ -19,6 +19,8 @@ namespace {
 
 constexpr HostId kManager{0};
 constexpr auto kPause = std::chrono::milliseconds(200);  // before coming back
+constexpr int kIntroductions = 4;  // attempts, when connections break before the manager's answer
+constexpr double kLooksForSilence = 8;  // in the time after which a silent peer is given up
 
 // A worker on this machine that talks to its manager and peers over TCP. Everything on the I/O
 // thread unless said.
@@ -76,6 +78,7 @@ class Worker {
       const Address here = config_.listen.value_or(Address{stream->local().host, 0});
       const auto accept = [this](std::unique_ptr<Stream> s) {
         if (peers_) return peers_->accept(std::move(s));
+        spdlog::info("the connection of {} was closed: this host is in no cluster yet", s->peer());
         s->close();
       };
       listener_ = std::make_unique<Listener>(io_, here, accept, tls_);
@@ -87,7 +90,7 @@ class Worker {
     GreetingHandlers h;
     h.proved = [this](const auto& session) {
       wire::Hello hello = make_hello(incarnation_, config_.name, config_.memory, config_.threads,
-                                     options_.path_credits);
+                                     options_);
       hello.set_listen(advertised_.to_string());
       hello.set_allow_inexact(config_.allow_inexact);
       if (node_) hello.set_manager(manager_incarnation_);
@@ -106,12 +109,24 @@ class Worker {
   asio::awaitable<void> come_back() {
     asio::steady_timer pause(io_, kPause);
     co_await pause.async_wait(asio::use_awaitable);
+    if (!manager_) co_return co_await join(config_.patience);
     const auto left = std::max(lost_after_, config_.patience) -
                       std::chrono::duration<double>(clock_.now() - *gone_since_);
     if (left.count() <= 0)
       throw ClusterError("the manager at " + config_.manager.to_string() +
                          " has gone and does not take this host back");
     co_await join(left);
+  }
+
+  // Cut cables and stopped machines: no connection ends by itself then.
+  asio::awaitable<void> watch() {
+    asio::steady_timer pause(io_);
+    for (;;) {
+      pause.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(lost_after_ / kLooksForSilence));
+      co_await pause.async_wait(asio::use_awaitable);
+      manager_->close_if_silent(lost_after_.count());
+      peers_->close_silent(lost_after_.count());
+    }
   }
 
   bool welcomed(const std::shared_ptr<Session>& session, wire::Message&& message) {
@@ -170,6 +185,7 @@ class Worker {
     node_ =
         std::make_unique<WorkerNode>(self, incarnation_, options_, loader_, clock_, std::move(c));
     ticker_->at(clock_.now());
+    spawn(watch());
   }
 
   void receive(const std::shared_ptr<Session>& session, WireFrame frame) {
@@ -192,6 +208,7 @@ class Worker {
     closed_sent_ += session->bytes_sent();
     closed_received_ += session->bytes_received();
     if (manager_session_ == session) manager_session_.reset();
+    if (!manager_ && ++introductions_ < kIntroductions) return spawn(come_back());
     if (!manager_)
       return end("the manager at " + config_.manager.to_string() + " has ended the connection (" +
                  reason + "); do both have the same token and --tls?");
@@ -263,7 +280,8 @@ class Worker {
   std::uint64_t hosts_version_ = 0;
   std::uint64_t manager_incarnation_ = 0;
   std::optional<double> gone_since_;  // the connection to the manager
-  std::chrono::duration<double> lost_after_{10};
+  int introductions_ = 0;             // that came to nothing
+  std::chrono::duration<double> lost_after_{3};
   std::atomic<std::uint64_t> closed_sent_ = 0, closed_received_ = 0, memory_peak_ = 0;
   bool job_over_ = false, leaving_ = false, again_ = false;
   std::string error_;
@@ -282,7 +300,7 @@ std::uint64_t new_incarnation() {
 }
 
 wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory,
-                       unsigned threads, std::uint64_t path_credits) {
+                       unsigned threads, const WorkerOptions& options) {
   wire::Hello h;
   h.set_protocol(wire::kProtocolVersion);
   h.set_incarnation(incarnation);
@@ -291,10 +309,11 @@ wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::
   h.set_threads(threads);
   for (int c = wire::LOADER; c <= wire::INTERSECTION; ++c)
     h.add_categories(static_cast<wire::Category>(c));
-  for (const char* feature : {"triangles", "quadrics", "alpha"}) h.add_features(feature);
+  for (const char* feature : {"triangles", "quadrics", "alpha", "paging"}) h.add_features(feature);
   h.set_instruction_set(kInstructionSet);
   h.set_fingerprint(numeric_fingerprint());
-  h.set_path_credits(path_credits);
+  h.set_path_credits(options.path_credits);
+  h.set_paging_credits(options.paging_credits);
   h.set_version(CLOUDRENDERER_VERSION);
   return h;
 }

@@ -35,7 +35,7 @@ void run_worker(const WorkerConfig& config,
 
 // What a host with these means says of itself; address and name apart.
 wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory,
-                       unsigned threads, std::uint64_t path_credits);
+                       unsigned threads, const WorkerOptions& options);
 std::uint64_t new_incarnation();
 DriverCounters process_counters();  // cpu and peak of this process
 

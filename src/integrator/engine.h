@@ -16,7 +16,8 @@ struct SegmentBatch {
   std::vector<PathSegment> segments;
   std::vector<Hit> hits;
   // After trace() or route(): the nearest untested candidate part that starts before the hit and is not resident
-  // here (the segment must move to a holder of it), or none: the segment can be shaded here.
+  // here (the segment must move to a holder of it), or none: the segment can be shaded here. If only the part of its
+  // own hit is not resident (any more), it is that part.
   std::vector<PartId> next;
 
   std::size_t size() const { return segments.size(); }
@@ -57,6 +58,7 @@ struct ShadeOutput {
   std::vector<ParkedPath> parked;
   std::vector<ShadowAsk> asks;          // at most one a parked path
   std::vector<std::uint32_t> ask_parts; // see ShadowAsk::pending
+  SegmentBatch absent;                  // not shaded: their hit is in a part that is not resident any more (`next`)
   RayCounts counts;
 };
 
@@ -77,8 +79,8 @@ class PathEngine {
   // Shades every segment of the batch at its hit (all have next == none and a local hit, or no hit at all: escaped).
   // Local occlusion is tested inside. The batch's contents are consumed.
   virtual void shade(SegmentBatch& batch, ShadeOutput& out) const = 0;
-  // blocked[i] = 1 if anything resident here blocks rays[i].
-  virtual void occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const = 0;
+  // blocked[i] = 1 if anything resident here blocks rays[i]. Returns the parts that were resident, a bit each.
+  virtual std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const = 0;
   // Film position of a segment's contribution, so that drivers can sum path ends: width of the full film.
   virtual std::uint32_t film_width() const = 0;
 };

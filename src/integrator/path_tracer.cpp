@@ -163,7 +163,9 @@ PartId PathTracer::trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) c
     s.tested = 0;
   }
   s.best = {hit.t, hit.shape, hit.primitive};
-  return untested(list, s, hit);
+  const PartId next = untested(list, s, hit);
+  // What was hit here may have been unloaded meanwhile.
+  return !next && hit.part != kNone && !set.has(hit.part) ? PartId{hit.part} : next;
 }
 
 // Eight rays at once, for which nothing has been tested: packets find the same bits as single rays (tested), faster.
@@ -302,9 +304,13 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
   }
 }
 
-void PathTracer::occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const {
+std::vector<bool> PathTracer::occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const {
   const BatchTimer timer(time_.occlusion);
-  find_blocked(*resident_.snapshot(), rays, blocked);
+  const auto set = resident_.snapshot();
+  find_blocked(*set, rays, blocked);
+  std::vector<bool> tested(map_.part_count());
+  for (std::uint32_t p = 0; p < tested.size(); ++p) tested[p] = set->has(p);
+  return tested;
 }
 
 }  // namespace cloudrenderer

@@ -30,7 +30,7 @@ class PathTracer final : public PathEngine {
   void trace(SegmentBatch& batch) const override;
   void route(SegmentBatch& batch) const override;
   void shade(SegmentBatch& batch, ShadeOutput& out) const override;
-  void occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const override;
+  std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const override;
   std::uint32_t film_width() const override { return job_.film.frame.width; }
 
   const JobSettings& job() const { return job_; }

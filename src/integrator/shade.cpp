@@ -298,9 +298,16 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   Shader shader{*this, *set, out, shadows};
   EightShader eight(shader, batch);
   for (std::size_t i = 0; i < batch.size(); ++i) {
+    const std::uint32_t part = batch.hits[i].part;
+    if (part != kNone && !set->has(part)) {
+      out.absent.segments.push_back(batch.segments[i]);
+      out.absent.hits.push_back(batch.hits[i]);
+      out.absent.next.emplace_back(part);
+      continue;
+    }
     if (eight.take(i)) continue;
     shader.begin(batch.segments[i]);
-    if (batch.hits[i].part == kNone)
+    if (part == kNone)
       shader.escape();
     else
       shader.vertex(batch.hits[i]);

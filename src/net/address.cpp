@@ -26,6 +26,7 @@ Address Address::parse(const std::string& text) {
   } else if (a.host.find(':') != std::string::npos) {
     throw bad("an IPv6 address stands in brackets");
   }
+  if (a.host.find_first_of("[]") != std::string::npos) throw bad("brackets stand around the host");
   return a;
 }
 

@@ -10,7 +10,7 @@ struct Greeting {
   const std::string secret;
   GreetingHandlers handlers;
   std::optional<Handshake> handshake{};  // from open() on
-  bool proved = false, introduced = false;
+  enum class Stage { proving, proved, known, refused } stage = Stage::proving;
 
   void open(Session& session) {
     handshake.emplace(role, secret, session.channel_binding());
@@ -18,7 +18,13 @@ struct Greeting {
   }
 
   void receive(const std::shared_ptr<Session>& session, WireFrame frame) {
-    if (introduced) return handlers.frame(session, std::move(frame));
+    if (stage == Stage::known) {
+      // Closed before the link has taken it, it comes again over the next connection.
+      if (frame.payload && !wire::is_intact(*frame.payload))
+        return session->close("a message was altered on the way");
+      return handlers.frame(session, std::move(frame));
+    }
+    if (stage == Stage::refused) return;  // it may have sent more before it has read why
     if (!frame.payload)
       return session->close("it acknowledges messages before it has introduced itself");
     Result<wire::Message> message = wire::decode(*frame.payload);
@@ -27,8 +33,8 @@ struct Greeting {
       Result<std::vector<wire::Message>> answer = handshake->receive(*message);
       if (!answer) return session->close(answer.error());
       for (const wire::Message& m : *answer) send_unsequenced(*session, m);
-      if (handshake->done() && !proved) {
-        proved = true;
+      if (handshake->done()) {
+        stage = Stage::proved;
         handlers.proved(session);
       }
       return;
@@ -40,8 +46,9 @@ struct Greeting {
       for (const wire::Message& m : *answer) send_unsequenced(*session, m);
       return;
     }
+    stage = Stage::refused;
     if (!handlers.introduced(session, std::move(*message))) return;
-    introduced = true;
+    stage = Stage::known;
     session->trust();
   }
 };

@@ -32,6 +32,21 @@ void PeerLink::detach(const Session* session) {
   if (session_.get() == session) session_.reset();
 }
 
+void PeerLink::close_if_silent(double seconds) {
+  const std::lock_guard lock(mutex_);
+  const double now = now_();
+  // Who was away itself (stopped, starved) has not listened: what came meanwhile is yet to be read.
+  const bool away = now - looked_ > 0.5 * seconds;
+  looked_ = now;
+  const std::uint64_t bytes = session_ ? session_->bytes_received() : 0;
+  if (away || !session_ || bytes != heard_bytes_ || link_.drained()) {
+    heard_bytes_ = bytes;
+    heard_ = now;
+  } else if (now - heard_ > seconds) {
+    session_->close("it has been silent for too long");
+  }
+}
+
 std::vector<wire::Bytes> PeerLink::receive(WireFrame frame) {
   std::vector<wire::Bytes> delivered;
   const std::lock_guard lock(mutex_);

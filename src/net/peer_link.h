@@ -23,6 +23,9 @@ class PeerLink : public std::enable_shared_from_this<PeerLink> {
   // The rest on the I/O thread.
   void attach(std::shared_ptr<Session> session);
   void detach(const Session* session);  // nothing when another one has taken its place
+  // From time to time: closes a session over which nothing comes although something has waited for
+  // an answer for so many seconds. A cut cable ends no TCP connection.
+  void close_if_silent(double seconds);
   std::vector<wire::Bytes> receive(WireFrame frame);  // payloads whose turn it is
   void close_when_sent();                             // and no session any more
   bool connected() const;
@@ -39,6 +42,9 @@ class PeerLink : public std::enable_shared_from_this<PeerLink> {
   std::shared_ptr<Session> session_;
   asio::steady_timer timer_;
   bool armed_ = false;
+  // Of close_if_silent(): when it looked last, and when something had come, or nothing was awaited.
+  double looked_ = 0, heard_ = 0;
+  std::uint64_t heard_bytes_ = 0;
 };
 
 }  // namespace cloudrenderer

@@ -194,9 +194,11 @@ void Session::close(const std::string& reason) {
   asio::post(stream_->executor(), [self = shared_from_this(), reason] { self->finish(reason); });
 }
 
-void Session::close_when_sent() {
-  asio::post(stream_->executor(), [self = shared_from_this()] {
+void Session::close_when_sent(const std::string& reason) {
+  asio::post(stream_->executor(), [self = shared_from_this(), reason] {
+    if (self->closed_) return;
     bool idle = false;
+    if (self->last_reason_.empty()) self->last_reason_ = reason;
     {
       const std::lock_guard lock(self->mutex_);
       self->close_when_sent_ = true;
@@ -229,7 +231,7 @@ void Session::finish(const std::string& reason) {
   // The handlers often own what owns this session: let go of them so that no cycle stays.
   const Handlers handlers = std::move(handlers_);
   handlers_ = {};
-  if (handlers.on_close) handlers.on_close(reason);
+  if (handlers.on_close) handlers.on_close(last_reason_.empty() ? reason : last_reason_);
 }
 
 }  // namespace cloudrenderer

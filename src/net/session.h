@@ -47,7 +47,8 @@ class Session : public std::enable_shared_from_this<Session> {
   // The rest may be called from any thread, also inside handlers.
   void send(WireFrame frame);
   void close(const std::string& reason = {});
-  void close_when_sent();  // after what is queued has left, or a few seconds
+  // After what is queued has left, or a few seconds; the reason is this one, whoever closes first.
+  void close_when_sent(const std::string& reason = {});
   void trust();            // the peer is who it should be: strangers' limits no longer hold
 
   bool is_open() const { return !closed_; }
@@ -80,6 +81,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::uint64_t queued_bytes_ = 0;
   bool writing_ = true;  // until the stream is open nothing else may write
   bool close_when_sent_ = false;
+  std::string last_reason_;  // of close_when_sent(); on the I/O thread
 };
 
 }  // namespace cloudrenderer

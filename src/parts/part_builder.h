@@ -37,6 +37,11 @@ constexpr std::uint64_t bvh_base(std::uint64_t primitives) {
 constexpr std::uint64_t build(std::uint64_t triangles, std::uint64_t loaded) {
   return std::max(triangles == 0 ? 0 : 32 * std::bit_ceil(triangles), loaded / 4);
 }
+// At most, while and after a BVH of the passing form (trace/bvh_form.h) is built: it is larger than `loaded`, its build
+// takes less than `build`.
+constexpr std::uint64_t page(std::uint64_t triangles, std::uint64_t loaded, std::uint64_t build) {
+  return loaded + build + 4 * triangles;
+}
 }  // namespace loaded_bytes
 
 // Triangles of one shape, with indices from 0 into the vertices given here.

@@ -40,6 +40,21 @@ Manifest open_split(const std::string& folder) {
   }
 }
 
+void check_part_files(const std::string& folder, const Manifest& manifest) {
+  const auto check = [](const std::string& path, std::uint64_t expected) {
+    std::error_code error;
+    const std::uint64_t bytes = fs::file_size(path, error);
+    if (error) throw SceneError({}, path + ": " + error.message());
+    if (bytes != expected)
+      throw SceneError({}, fmt::format("{}: the file has {} bytes, {} belong to this split", path,
+                                       bytes, expected));
+  };
+  for (std::uint32_t p = 0; p < manifest.parts.size(); ++p)
+    check(part_path(folder, p), manifest.parts[p].file_bytes);
+  for (std::uint32_t p = 0; p < manifest.prototypes.size(); ++p)
+    check(prototype_path(folder, p), manifest.prototypes[p].file_bytes);
+}
+
 bool is_split_folder(const std::string& path) {
   std::error_code ignored;
   return fs::is_regular_file(fs::path(path) / "manifest.bin", ignored);

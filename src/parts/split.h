@@ -28,6 +28,9 @@ Manifest split_scene(const std::string& scene_path, const std::string& out_folde
 
 // Opens a split folder; file names in the manifest are made absolute. Throws SceneError when it is no split folder.
 Manifest open_split(const std::string& folder);
+// Whether every part and prototype has its file, as long as the manifest says: cheap, and known before hosts begin to
+// load. Throws SceneError. (What is in the files is checked when they are loaded.)
+void check_part_files(const std::string& folder, const Manifest& manifest);
 bool is_split_folder(const std::string& path);
 std::string part_path(const std::string& folder, std::uint32_t part);
 std::string prototype_path(const std::string& folder, std::uint32_t prototype);

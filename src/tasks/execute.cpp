@@ -71,14 +71,56 @@ class Buckets {
 struct SegmentBucket {
   std::vector<PathSegment> segments;
   std::vector<Hit> hits;
+  void add(const PathSegment& s, const Hit& hit) {
+    segments.push_back(s);
+    hits.push_back(hit);
+  }
 };
 
-void leave(HostId to, SegmentBucket& b, WorkResult& r) {
+template <class To, class Leaving>
+void leave(To to, SegmentBucket& b, std::vector<Leaving>& out) {
   if (b.segments.empty()) return;
-  r.leaving.push_back({to,
-                       {std::make_shared<const std::vector<PathSegment>>(std::move(b.segments)),
-                        std::move(b.hits)}});
+  out.push_back({to,
+                 {std::make_shared<const std::vector<PathSegment>>(std::move(b.segments)),
+                  std::move(b.hits)}});
   b = {};
+}
+
+// Segments that wait for parts which no host holds, a bucket a part.
+class PageBuckets {
+ public:
+  PageBuckets(const Routing& routing, WorkResult& r) : routing_(routing), result_(r) {}
+  // False: the part is no such part.
+  bool add(PartId part, const PathSegment& s, const Hit& hit) {
+    if (!routing_.paged(part)) return false;
+    buckets_.resize(routing_.part_count());
+    SegmentBucket& b = buckets_[part.value];
+    b.add(s, hit);
+    if (b.segments.size() == kChunk) leave(part, b, result_.paged);
+    return true;
+  }
+  void finish() {
+    for (std::uint32_t p = 0; p < buckets_.size(); ++p) {
+      // They may wait for long, and many of them: without the room that they do not use.
+      buckets_[p].segments.shrink_to_fit();
+      buckets_[p].hits.shrink_to_fit();
+      leave(PartId(p), buckets_[p], result_.paged);
+    }
+  }
+
+ private:
+  const Routing& routing_;
+  WorkResult& result_;
+  std::vector<SegmentBucket> buckets_;
+};
+
+// The ray is traced from its start: its hit was in a part that this host has not got any more.
+PathSegment restarted(PathSegment s) {
+  s.best = {};
+  s.tested = 0;
+  s.window = 0;
+  s.flags = static_cast<std::uint16_t>(s.flags & ~kMainTested);
+  return s;
 }
 
 // Splits a traced batch: what can be shaded stays in it (in order), the rest goes to the buckets of
@@ -89,6 +131,7 @@ void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
   std::size_t kept = static_cast<std::size_t>(first - batch.next.begin());
   if (kept < batch.size()) {
     Buckets<SegmentBucket> buckets(routing);
+    PageBuckets pages(routing, r);
     for (std::size_t i = kept; i < batch.size(); ++i) {
       if (stays(batch.next[i])) {
         batch.segments[kept] = batch.segments[i];
@@ -96,13 +139,18 @@ void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
         batch.next[kept++] = PartId();
         continue;
       }
+      if (pages.add(batch.next[i], batch.segments[i], batch.hits[i])) continue;
+      if (batch.next[i].value == batch.hits[i].part) {
+        r.next.push_back(restarted(batch.segments[i]));
+        continue;
+      }
       const Routing::Slot s = routing.target(batch.next[i]);
       SegmentBucket& b = buckets.at(s);
-      b.segments.push_back(batch.segments[i]);
-      b.hits.push_back(batch.hits[i]);
-      if (b.segments.size() == kChunk) leave(remote_host(routing, s), b, r);
+      b.add(batch.segments[i], batch.hits[i]);
+      if (b.segments.size() == kChunk) leave(remote_host(routing, s), b, r.leaving);
     }
-    buckets.for_each([&](HostId to, SegmentBucket& b) { leave(to, b, r); });
+    buckets.for_each([&](HostId to, SegmentBucket& b) { leave(to, b, r.leaving); });
+    pages.finish();
     batch.segments.resize(kept);
     batch.hits.resize(kept);
     batch.next.resize(kept);
@@ -214,30 +262,45 @@ class AskSorter {
   AskSorter(const Routing& routing, WorkResult& r)
       : routing_(routing), result_(r), buckets_(routing) {}
   void add(const OcclusionRay& ray, const ParkedPath& path, const Fixed3& contribution,
-           std::span<const PartId> parts) {
-    const Routing::Slot s = cover_first(parts, routing_);
-    AskBucket& b = buckets_.at(s);
+           std::span<PartId> parts) {
+    // What other hosts hold is asked of them first: to load a part is the dearest way.
+    if (routing_.paging())
+      std::ranges::stable_partition(parts, [&](PartId p) { return !routing_.paged(p); });
+    const bool paged = routing_.paged(parts[0]);
+    if (paged) pages_.resize(routing_.part_count());
+    const Routing::Slot s = paged ? Routing::kNoSlot : cover_first(parts, routing_);
+    AskBucket& b = paged ? pages_[parts[0].value] : buckets_.at(s);
     b.rays.push_back(ray);
     b.asks.paths.push_back(path);
     b.asks.contributions.push_back(contribution);
     b.asks.parts.insert(b.asks.parts.end(), parts.begin(), parts.end());
     b.asks.part_end.push_back(static_cast<std::uint32_t>(b.asks.parts.size()));
-    if (b.rays.size() == kChunk) close(remote_host(routing_, s), b);
+    if (b.rays.size() < kChunk) return;
+    if (paged)
+      close(parts[0], b, result_.paged_asks);
+    else
+      close(remote_host(routing_, s), b, result_.asks);
   }
   void finish() {
-    buckets_.for_each([&](HostId to, AskBucket& b) { close(to, b); });
+    buckets_.for_each([&](HostId to, AskBucket& b) { close(to, b, result_.asks); });
+    for (std::uint32_t p = 0; p < pages_.size(); ++p) {
+      pages_[p].asks.paths.shrink_to_fit();
+      close(PartId(p), pages_[p], result_.paged_asks);
+    }
   }
 
  private:
-  void close(HostId to, AskBucket& b) {
+  template <class To, class Leaving>
+  void close(To to, AskBucket& b, std::vector<Leaving>& out) {
     if (b.rays.empty()) return;
     b.asks.rays = std::make_shared<const std::vector<OcclusionRay>>(std::move(b.rays));
-    result_.asks.push_back({to, std::move(b.asks)});
+    out.push_back({to, std::move(b.asks)});
     b = {};
   }
   const Routing& routing_;
   WorkResult& result_;
   Buckets<AskBucket> buckets_;
+  std::vector<AskBucket> pages_;  // by part
 };
 
 WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
@@ -252,6 +315,11 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
   engine.shade(batch, out);
   r.next = std::move(out.continuing);
   r.counts = out.counts;
+  PageBuckets pages(*work.routing, r);
+  for (std::size_t i = 0; i < out.absent.size(); ++i)
+    if (!pages.add(out.absent.next[i], out.absent.segments[i], out.absent.hits[i]))
+      r.next.push_back(restarted(out.absent.segments[i]));
+  pages.finish();
   EndsByOwner ends(r);
   for (const PathEnd& e : out.ended) ends.add(e);
   if (out.parked.empty()) return r;
@@ -298,26 +366,30 @@ WorkResult run(const PathEngine& engine, Work& work, ResolveWork& w) {
   EndsByOwner ends(r);
   AskSorter sorter(*work.routing, r);
   std::vector<std::uint8_t> local;
+  std::vector<bool> resident;
   std::vector<PartId> parts;
   for (ResolveWork::Answered& answered : w.answered) {
     // Without an answer this host tests again what it has got meanwhile.
     const bool here = !answered.by;
     const Routing& at = here ? *work.routing : *answered.at;
-    const Routing::Slot by = at.slot(here ? at.self() : answered.by);
+    const Routing::Slot by = here ? Routing::kNoSlot : at.slot(answered.by);
     std::size_t i = 0;
     for (ParkedAsks& asks : answered.asks) {
       if (here) {
         local.assign(asks.size(), 0);
-        engine.occluded(*asks.rays, local);
+        resident = engine.occluded(*asks.rays, local);
       }
+      const auto answered_for = [&](PartId p) {
+        if (here) return p.value < resident.size() && resident[p.value];
+        return by != Routing::kNoSlot && at.holds(by, p);
+      };
       for (std::size_t k = 0; k < asks.size(); ++k, ++i) {
         ParkedPath& path = asks.paths[k];
         const bool blocked = here ? local[k] != 0 : bit(answered.reply.blocked, i);
         if (!blocked) {
           parts.clear();
           for (std::uint32_t p = k == 0 ? 0 : asks.part_end[k - 1]; p < asks.part_end[k]; ++p)
-            if (by == Routing::kNoSlot || !at.holds(by, asks.parts[p]))
-              parts.push_back(asks.parts[p]);
+            if (!answered_for(asks.parts[p])) parts.push_back(asks.parts[p]);
           if (!parts.empty()) {
             sorter.add((*asks.rays)[k], path, asks.contributions[k], parts);
             continue;
@@ -389,6 +461,24 @@ WorkResult execute(const PathEngine& engine, Work& work) {
   return std::visit([&](auto& w) { return run(engine, work, w); }, work.what);
 }
 
+namespace {
+
+// False: there is no room for the part, even without all that may be evicted.
+bool load(PartLoader& loader, PartId part, BvhForm form, std::vector<PartId>& evict, WorkResult& r) {
+  // A part that is there for a while and now is to stay is loaded anew: that is rare.
+  if (const auto it = std::ranges::find(evict, part); it != evict.end()) std::rotate(it, it + 1, evict.end());
+  const bool there = !evict.empty() && evict.back() == part;
+  for (bool first = there; first || !loader.has_room(part, form); first = false) {
+    if (evict.empty()) return false;
+    loader.unload(evict.back());
+    evict.pop_back();
+  }
+  r.error = loader.load(part, form);
+  return true;
+}
+
+}  // namespace
+
 WorkResult execute(PartLoader& loader, Work& work) {
   WorkResult r;
   if (auto* start = std::get_if<StartJobWork>(&work.what)) {
@@ -396,15 +486,19 @@ WorkResult execute(PartLoader& loader, Work& work) {
     r.bytes_used = loader.bytes_used();
   } else if (auto* load = std::get_if<LoadWork>(&work.what)) {
     for (const PartId p : load->parts) {
-      if (!loader.has_room(p)) {
+      if (!cloudrenderer::load(loader, p, BvhForm::fast, load->evict, r)) {
         r.declined.push_back(p);
         continue;
       }
-      r.error = loader.load(p);
       if (!r.error.empty()) break;
       r.loaded.push_back(p);
     }
     r.bytes_used = loader.bytes_used();
+  } else if (auto* page = std::get_if<PageWork>(&work.what)) {
+    if (!cloudrenderer::load(loader, page->part, BvhForm::passing, page->evict, r))
+      r.declined.push_back(page->part);
+    else if (r.error.empty())
+      r.loaded.push_back(page->part);
   } else if (auto* unload = std::get_if<UnloadWork>(&work.what)) {
     for (const PartId p : unload->parts) loader.unload(p);
     r.unloaded = unload->parts;
@@ -418,6 +512,7 @@ WorkResult execute(PartLoader& loader, Work& work) {
 bool is_loader_work(const Work& work) {
   return std::holds_alternative<StartJobWork>(work.what) ||
          std::holds_alternative<LoadWork>(work.what) ||
+         std::holds_alternative<PageWork>(work.what) ||
          std::holds_alternative<UnloadWork>(work.what) ||
          std::holds_alternative<EndJobWork>(work.what);
 }

@@ -6,8 +6,11 @@
 namespace cloudrenderer {
 namespace {
 
+constexpr double kMostThreads = 4096;
 constexpr std::uint32_t kMaxHost = 0xfffe;  // a path's owner has 16 bits
-constexpr std::uint32_t kMostThreads = 4096;  // a host counts as
+// What no host has: such numbers are an error, or meant to do harm.
+constexpr std::uint32_t kAbsurdThreads = 1u << 16;
+constexpr std::uint64_t kAbsurdMemory = std::uint64_t{1} << 50;
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
@@ -15,6 +18,11 @@ bool can(const wire::Hello& hello, wire::Category category) {
   return hello.categories().empty() ||
          std::find(hello.categories().begin(), hello.categories().end(), category) !=
              hello.categories().end();
+}
+
+bool has_feature(const wire::Hello& hello, const std::string& feature) {
+  const auto& all = hello.features();
+  return all.empty() || std::find(all.begin(), all.end(), feature) != all.end();
 }
 
 }  // namespace
@@ -42,21 +50,26 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
     return refuse("this cluster speaks protocol version " + std::to_string(wire::kProtocolVersion) +
                   ", the host speaks " + std::to_string(hello.protocol()));
   if (phase_ == Phase::ending || finished()) return refuse("the job is over");
+  if (hello.threads() == 0 || hello.threads() > kAbsurdThreads)
+    return refuse("the host says that it has " + std::to_string(hello.threads()) +
+                  " threads; 1 to " + std::to_string(kAbsurdThreads) + " are believed");
+  if (hello.memory() > kAbsurdMemory)
+    return refuse("the host says that it may use " + std::to_string(hello.memory() >> 40) +
+                  " TiB of memory; up to " + std::to_string(kAbsurdMemory >> 40) +
+                  " TiB are believed");
   if (next_host_ > kMaxHost) return refuse("the job has had too many hosts");
-  if (fingerprint_ && *fingerprint_ != hello.fingerprint()) {
-    if (!options_.allow_inexact && !hello.allow_inexact())
-      return refuse(
-          std::string("the host computes other bits than ") +
-          (options_.fingerprint ? "those in the checkpoint" : "the cluster") +
-          " (numeric fingerprint); --allow-inexact lets it join");
-    bit_exact_ = false;
-  }
+  if (fingerprint_ && *fingerprint_ != hello.fingerprint() && !options_.allow_inexact &&
+      !hello.allow_inexact())
+    return refuse(std::string("the host computes other bits than ") +
+                  (options_.fingerprint ? "those in the checkpoint" : "the cluster") +
+                  " (numeric fingerprint); --allow-inexact lets it join");
   const std::uint64_t least = main_bytes() + job_.parts[0].build;
   if (can(hello, wire::TRACER) && hello.memory() < least)
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +
                   " MiB, but what every host must hold needs " + std::to_string((least >> 20) + 1) +
                   " MiB");
   if (!fingerprint_) fingerprint_ = hello.fingerprint();
+  bit_exact_ = bit_exact_ && *fingerprint_ == hello.fingerprint();
 
   const HostId id(next_host_++);
   Host& h = hosts_[id];
@@ -78,60 +91,100 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   welcome.set_lost_after_s(options_.lost_after_s);
   send(id, std::move(welcome));
   send(id, job_.start);
+  next_growth_ = now + options_.map_every_s;
   if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
   if (phase_ != Phase::gathering) place_all(now);
   return id;
 }
 
-Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, bool drop) const {
+PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
   PlacementInput in;
   in.parts = job_.parts;
   in.prototype_bytes = job_.prototype_bytes;
   in.min_replication = options_.replication;
   in.seed = job_.seed;
-  std::vector<std::size_t> kept(job_.parts.size());  // copies that a placement may not move
+  const auto eligible = [&](const Host& h) {
+    return (!h.leaving || (with_leaving && h.released == 0)) && can(h.hello, wire::TRACER);
+  };
+  // The copies that stay with Keep::one_copy: of every part one, that is loaded if any is.
+  std::vector<const Host*> keepers(job_.parts.size());
   for (const auto& [id, h] : hosts_) {
-    if ((h.leaving && (!with_leaving || h.released != 0)) || !can(h.hello, wire::TRACER)) continue;
+    if (!eligible(h)) continue;
+    for (const PartId p : h.wanted)
+      if (const Host*& k = keepers[p.value]; !k || (!k->holds.contains(p) && h.holds.contains(p))) k = &h;
+  }
+  for (const auto& [id, h] : hosts_) {
+    if (!eligible(h)) continue;
     PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen),
-                       std::clamp<double>(h.hello.threads(), 1, kMostThreads), {}, {}};
+                       h.threads(), {}, {}};
     host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
-      if (!drop || kept[p.value]++ == 0) host.holds.push_back(p);
-    const auto& features = h.hello.features();
-    for (std::size_t p = 0; p < job_.part_features.size() && !features.empty(); ++p)
+      if (keep == Keep::all || keepers[p.value] == &h) host.holds.push_back(p);
+    for (std::size_t p = 0; p < job_.part_features.size(); ++p)
       for (const std::string& f : job_.part_features[p])
-        if (std::find(features.begin(), features.end(), f) == features.end())
-          host.cannot.emplace_back(static_cast<std::uint32_t>(p));
+        if (!has_feature(h.hello, f)) host.cannot.emplace_back(static_cast<std::uint32_t>(p));
     in.hosts.push_back(std::move(host));
   }
-  const auto placed = place(in);
-  if (!placed) return Result<Plan>::failure(placed.error());
+  return in;
+}
+
+ManagerCore::Plan ManagerCore::plan_of(const PlacementInput& in, std::vector<std::vector<PartId>> placed) const {
   Plan result;
   for (std::size_t i = 0; i < in.hosts.size(); ++i) {
     const HostId id = in.hosts[i].host;
-    const auto& hold = result.hold[id] = (*placed)[i];
+    const auto& hold = result.hold[id] = std::move(placed[i]);
     for (const PartId p : hosts_.at(id).wanted)
       if (!std::binary_search(hold.begin(), hold.end(), p)) result.drop[id].push_back(p);
   }
   return result;
 }
 
-// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts
-// go.
+Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, Keep keep) const {
+  const PlacementInput in = placement(with_leaving, keep);
+  auto placed = place(in);
+  if (!placed) return Result<Plan>::failure(placed.error());
+  return plan_of(in, std::move(*placed));
+}
+
+// For hosts that have not memory enough for everything.
+Result<ManagerCore::Plan> ManagerCore::plan_paged(bool with_leaving) const {
+  const PlacementInput in = placement(with_leaving, Keep::all);
+  for (const PlacementHost& h : in.hosts)
+    if (!has_feature(hosts_.at(h.host).hello, "paging"))
+      return Result<Plan>::failure("host " + std::to_string(h.host.value) + " cannot load parts for a while");
+  auto placed = place_paged(in);
+  if (!placed) return Result<Plan>::failure(placed.error());
+  Plan result = plan_of(in, std::move(placed->hold));
+  result.paged.insert(placed->paged.begin(), placed->paged.end());
+  return result;
+}
+
+// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts go. Parts
+// that come and go are better than a host that may not.
 std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
+  if (std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.released != 0; }))
+    return std::nullopt;  // all of them are going: the next one that joins is waited for
   std::string why;
   for (const bool with_leaving : {false, true}) {
-    for (const bool drop : {false, true}) {
-      auto found = plan(with_leaving, drop);
-      if (found) {
-        no_room_since_.reset();
-        no_room_.clear();
-        return std::move(*found);
-      }
-      if (why.empty()) why = found.error();
+    for (const Keep keep : {Keep::all, Keep::one_copy}) {
+      auto found = plan(with_leaving, keep);
+      if (!found && why.empty()) why = found.error();
       // It works without a new host that brings no room, or with the one that wants to leave.
-      if (everything_wanted()) return std::nullopt;
+      if (!found && everything_wanted(true)) return std::nullopt;
+      if (!found) continue;
+      no_room_since_.reset();
+      no_room_.clear();
+      return std::move(*found);
     }
+    auto paged = plan_paged(with_leaving);
+    // What has to give way goes in a pause (make_room), unless there is no other way.
+    if (paged && !paged->drop.empty() && everything_covered()) return std::nullopt;
+    if (paged) {
+      no_room_since_.reset();
+      no_room_.clear();
+      return std::move(*paged);
+    }
+    why += "; " + paged.error();
   }
   no_room_ = why;
   if (!no_room_since_) no_room_since_ = now;
@@ -143,11 +196,16 @@ void ManagerCore::place_all(double now) {
   if (hosts_.empty()) return;
   const auto found = find_plan(now);
   if (!found) return;
-  if (!found->drop.empty()) {
-    drop(*found);
-    if (phase_ == Phase::rendering) new_map(true, &*found);
-  }
+  if (adopt(*found) && phase_ == Phase::rendering) new_map(!found->drop.empty(), &*found);
   order(*found);
+}
+
+// True if hosts that take part must be told at once. What gets a holder is paged until it has one (new_map).
+bool ManagerCore::adopt(const Plan& p) {
+  drop(p);
+  const std::size_t before = paged_.size();
+  paged_.insert(p.paged.begin(), p.paged.end());
+  return !p.drop.empty() || paged_.size() != before;
 }
 
 // Takes surplus copies off the books; the hosts are told by the next map, or here before there is
@@ -193,7 +251,7 @@ void ManagerCore::order(const Plan& p) {
   }
 }
 
-// Every part is held by a host that takes part, or (by_leaving) still does.
+// Every part is held by a host that takes part, or (by_leaving) still does, or is nobody's by decision.
 bool ManagerCore::everything_held(bool by_leaving) const {
   std::vector<bool> held(job_.parts.size());
   std::size_t n = 1;
@@ -206,15 +264,28 @@ bool ManagerCore::everything_held(bool by_leaving) const {
       held[p.value] = true;
     }
   }
+  for (const PartId p : paged_) n += held[p.value] ? 0 : 1;
   return someone && n >= job_.parts.size();
 }
 
-// Every part has been ordered somewhere.
-bool ManagerCore::everything_wanted() const {
+// Every part has been ordered at a host that takes part, or (by_leaving) still does.
+bool ManagerCore::everything_wanted(bool by_leaving) const {
   std::set<PartId> wanted;
   for (const auto& [id, h] : hosts_)
-    if (!h.leaving || h.released == 0) wanted.insert(h.wanted.begin(), h.wanted.end());
+    if (!h.leaving || (by_leaving && h.released == 0)) wanted.insert(h.wanted.begin(), h.wanted.end());
   return wanted.size() + 1 >= job_.parts.size();
+}
+
+// Every part is somewhere, or nobody's by decision.
+bool ManagerCore::everything_covered() const {
+  std::set<PartId> covered = paged_;
+  for (const auto& [id, h] : hosts_)
+    if (h.released == 0) covered.insert(h.wanted.begin(), h.wanted.end());
+  return covered.size() + 1 >= job_.parts.size();
+}
+
+double ManagerCore::Host::threads() const {
+  return std::clamp<double>(hello.threads(), 1, kMostThreads);
 }
 
 std::uint64_t ManagerCore::main_bytes() const {
@@ -229,8 +300,10 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
   wire::SceneHostMap map;
   map.set_epoch(epoch_);
   map.set_generation(generation_);
+  map.set_pause(pause_ != 0);
   map.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
   mapped_all_ = everything_held(true);
+  std::set<PartId> unheld = paged_;
   for (auto& [id, h] : hosts_) {
     if (!h.started) continue;
     h.mapped = true;
@@ -240,8 +313,13 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
     if (h.holds.empty()) continue;
     wire::Holding& holding = *map.add_holdings();
     holding.set_host(id.value);
-    for (const PartId p : h.holds) holding.add_parts(p.value);
+    for (const PartId p : h.holds) {
+      holding.add_parts(p.value);
+      unheld.erase(p);
+      if (!h.leaving) paged_.erase(p);
+    }
   }
+  for (const PartId p : unheld) map.add_paged(p.value);
   if (with_drops) {
     for (const auto& [id, parts] : with_drops->drop) {
       wire::Holding& drops = *map.add_drops();
@@ -296,11 +374,15 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
 void ManagerCore::check_loaded(double now) {
   if (phase_ == Phase::loading && everything_held(true)) return begin_rendering(now);
   if (phase_ != Phase::rendering) return;
-  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
-    return e.second.complete() && !e.second.leaving &&
-           (!e.second.mapped || e.second.holds.size() != e.second.mapped_parts);
+  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [&](const auto& e) {
+    const Host& h = e.second;
+    return !h.leaving && (h.complete() || (!h.holds.empty() && now >= next_growth_)) &&
+           (!h.mapped || h.holds.size() != h.mapped_parts);
   });
-  if (more || (!mapped_all_ && everything_held(true))) new_map(false);
+  if (more || (!mapped_all_ && everything_held(true))) {
+    new_map(false);
+    next_growth_ = now + options_.map_every_s;
+  }
   std::vector<HostId> leaving;
   for (const auto& [id, h] : hosts_)
     if (h.leaving) leaving.push_back(id);
@@ -317,7 +399,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
   reports_[from].last = m;
   h.final = m.final();
   h.status = std::move(m);
-  if (h.leaving) return try_release(from, now);
+  end_pause(now);
+  if (hosts_.contains(from) && h.leaving) return try_release(from, now);
   check_final(now);
 }
 
@@ -326,7 +409,42 @@ void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
   h.leaving = true;
   h.entry.set_leaving(true);
   if (phase_ != Phase::gathering) place_all(now);
+  if (!finished()) make_room(now);
   if (!finished()) try_release(from, now);
+}
+
+// Without the hosts that want to leave.
+std::optional<ManagerCore::Plan> ManagerCore::smaller_plan() const {
+  auto found = plan(false, Keep::one_copy);
+  if (!found) found = plan_paged(false);
+  return found ? std::optional(std::move(*found)) : std::nullopt;
+}
+
+// What leaving hosts hold finds room only where surplus copies make it, and a part can be dropped
+// only when no path is under way: else all of them would be made again. So nobody begins any until
+// all have ended.
+void ManagerCore::make_room(double now) {
+  if (phase_ != Phase::rendering || pause_ != 0 || everything_wanted(false)) return;
+  const bool asked = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& h) {
+    return h.second.leaving && h.second.released == 0;
+  });
+  if (!asked || !smaller_plan()) return;
+  pause_ = epoch_ + 1;
+  new_map(false);
+  end_pause(now);
+}
+
+void ManagerCore::end_pause(double now) {
+  if (pause_ == 0 || phase_ != Phase::rendering) return;
+  for (const auto& [id, h] : hosts_)
+    if (h.mapped && (h.status.epoch() < pause_ || h.status.live_paths() != 0)) return;
+  pause_ = 0;
+  const auto found = smaller_plan();
+  if (!found || everything_wanted(false)) return new_map(false);
+  adopt(*found);
+  new_map(true, &*found);
+  order(*found);
+  check_loaded(now);
 }
 
 // A leaving host goes when others hold its parts, and its own renderer tasks and all that it
@@ -338,7 +456,11 @@ void ManagerCore::try_release(HostId id, double now) {
   const bool taking_part = phase_ == Phase::rendering && h.mapped;
   if (taking_part) {
     if (h.released == 0) {
-      if (!everything_held(false)) return;
+      // With nobody who stays there is nobody to hand over to.
+      const bool last = outstanding_.empty() && std::all_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
+        return e.second.leaving;
+      });
+      if (!last && !everything_held(false)) return;
       h.released = epoch_ + 1;
       new_map(false);
       return;
@@ -368,8 +490,12 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
       ++o;
       continue;
     }
-    returned_.push_back(o->second.range);
-    unassigned_paths_ += o->second.range.paths();
+    if (const auto twin = outstanding_.find(o->second.twin); twin != outstanding_.end()) {
+      twin->second.twin = 0;  // it alone is left
+    } else {
+      returned_.push_back(o->second.range);
+      unassigned_paths_ += o->second.range.paths();
+    }
     o = outstanding_.erase(o);
   }
   if (finished()) return;
@@ -377,14 +503,22 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   const bool told = phase_ == Phase::rendering &&
                     mapped;  // the others know the host, and must learn that it is gone
   std::optional<Plan> found;
-  if (phase_ != Phase::gathering && !hosts_.empty() && !everything_held(false))
-    found = find_plan(now);
+  if (phase_ != Phase::gathering && !hosts_.empty()) {
+    if (!everything_held(false)) {
+      found = find_plan(now);
+    } else {  // other copies take the place of those that are gone; dropping some costs nothing more now
+      auto more = plan(false, Keep::all);
+      if (!more && lost) more = plan(false, Keep::one_copy);
+      if (more) found = std::move(*more);
+    }
+  }
   if (finished()) return;
-  if (found) drop(*found);
-  const bool drops = found && !found->drop.empty();
-  if (told || (drops && phase_ == Phase::rendering))
+  const bool changed = found && adopt(*found), drops = found && !found->drop.empty();
+  const bool paused = std::exchange(pause_, 0) != 0;
+  if (told || ((changed || paused) && phase_ == Phase::rendering))
     new_map(lost || drops, found ? &*found : nullptr);
   if (found) order(*found);
+  make_room(now);
   check_loaded(now);
   if (phase_ == Phase::rendering) check_end(now);
 }
@@ -408,6 +542,10 @@ void ManagerCore::check_unreachable(double now) {
 void ManagerCore::tick(double now) {
   next_tick_ = now + 0.5 * options_.heartbeat_s;
   if (finished()) return;
+  // Who was away itself (stopped, its machine moved) cannot say who was silent meanwhile.
+  if (last_tick_ && now - *last_tick_ > 0.5 * options_.lost_after_s)
+    for (auto& [id, h] : hosts_) h.heard = now;
+  last_tick_ = now;
   std::vector<HostId> silent;
   for (const auto& [id, h] : hosts_)
     if (now - h.heard > options_.lost_after_s) silent.push_back(id);
@@ -428,6 +566,7 @@ ManagerCore::Progress ManagerCore::progress() const {
     ++p.hosts;
     if (!h.complete()) ++p.hosts_loading;
   }
+  p.paged_parts = static_cast<std::uint32_t>(paged_.size());
   p.epoch = epoch_;
   p.generation = generation_;
   return p;

@@ -20,6 +20,7 @@
 #include "film/film.h"
 #include "tasks/checkpoint.h"
 #include "tasks/placement.h"
+#include "tasks/progress_record.h"
 #include "tasks/sample_set.h"
 #include "wire/messages.h"
 
@@ -30,8 +31,9 @@ struct ManagerOptions {
   std::uint32_t min_hosts = 1;
   std::uint32_t replication = 1;
   double heartbeat_s = 0.5;
-  double lost_after_s = 10;          // without any message of a host
+  double lost_after_s = 3;           // without any message of a host
   double end_wait_s = 3;             // for final counters
+  double map_every_s = 1;            // the others learn what a host has loaded before it has all
   std::uint32_t tile = 32;           // pixels; smaller for small pictures
   std::uint32_t round_samples = 16;  // samples per pixel of a round; rounds follow each other
   bool hold_rounds = false;          // a round starts only after next_round()
@@ -126,12 +128,17 @@ class ManagerCore {
     std::uint64_t paths_done = 0, paths_total = 0;
     std::uint64_t paths_restored = 0;  // of those done: by an earlier run
     std::uint32_t hosts = 0, hosts_loading = 0;
+    std::uint32_t paged_parts = 0;  // that no host holds, for want of memory
     std::uint64_t invalid_samples = 0, clamped_samples = 0;
     std::uint32_t epoch = 0, generation = 0;
     std::uint64_t dropped_messages = 0;
     double render_began = 0, render_ended = 0;
   };
   Progress progress() const;
+  // Share of the render time that the last `share` of this run's paths took.
+  double tail(double share) const {
+    return record_.tail(progress_.render_began, progress_.paths_restored, share);
+  }
   bool bit_exact() const { return bit_exact_; }
 
  private:
@@ -150,30 +157,43 @@ class ManagerCore {
     std::uint64_t unforeseen =
         0;  // bytes of the main scene that no part's prediction has: textures
     bool complete() const { return started && holds.size() == wanted.size(); }
+    double threads() const;  // as many as a host can sensibly have
     std::uint64_t outstanding_paths = 0;
     std::uint32_t outstanding_tasks = 0;
     wire::Status status;
     double paths_per_s = 0;  // measured since rate_since
     double rate_since = 0;
+    double fed = 0;  // when it last replied, or was given something after having nothing
     std::uint64_t rate_paths = 0;
   };
   struct Outstanding {
     RendererRange range;
     HostId host;
+    std::uint32_t twin = 0;  // the other copy of the same range, under another number
   };
 
   // manager_core.cpp: hosts and parts
   // What hosts shall hold from now on; with `drop`, surplus copies may go to make room.
   struct Plan {
     std::map<HostId, std::vector<PartId>> hold, drop;
+    std::set<PartId> paged;  // nobody's
   };
-  Result<Plan> plan(bool with_leaving, bool drop) const;
+  enum class Keep { all, one_copy };  // of what hosts hold already
+  PlacementInput placement(bool with_leaving, Keep keep) const;
+  Result<Plan> plan(bool with_leaving, Keep keep) const;
+  Result<Plan> plan_paged(bool with_leaving) const;
+  Plan plan_of(const PlacementInput& in, std::vector<std::vector<PartId>> hold) const;
   std::optional<Plan> find_plan(double now);  // or none: nothing to do, or no room (see no_room_)
   void place_all(double now);
+  bool adopt(const Plan& p);
   void drop(const Plan& p);
   void order(const Plan& p);
   bool everything_held(bool by_leaving) const;
-  bool everything_wanted() const;
+  bool everything_wanted(bool by_leaving) const;
+  std::optional<Plan> smaller_plan() const;
+  void make_room(double now);
+  void end_pause(double now);
+  bool everything_covered() const;
   std::uint64_t main_bytes() const;
   void new_map(bool generation, const Plan* with_drops = nullptr);
   void send_host_list();
@@ -194,8 +214,12 @@ class ManagerCore {
   void begin_rendering(double now);
   void hand_out(double now);
   std::optional<RendererRange> next_range(std::uint64_t paths);
-  std::uint64_t task_paths(const Host& h, std::size_t hosts) const;
-  void give(HostId id, Host& h, RendererRange range);
+  static bool renders(const Host& h);
+  double speed(const Host& h, double per_thread) const;
+  std::uint64_t task_paths(const Host& h, double share) const;
+  void give_again(double now);
+  std::uint32_t give(HostId id, Host& h, RendererRange range, double now);
+  void take_back(std::map<std::uint32_t, Outstanding>::iterator o);
   void merge(const Outstanding& o, wire::RendererReply& r);
   void set_tile(std::uint32_t tile);
   RendererRange tile_range(std::size_t tile) const;
@@ -223,6 +247,7 @@ class ManagerCore {
   std::uint32_t next_host_ = 1;
   std::uint32_t epoch_ = 0, generation_ = 0;
   bool mapped_all_ = false;  // every part had a holder in the last map
+  std::set<PartId> paged_;   // parts that have none, for want of memory: hosts load them for a while
   std::optional<std::uint64_t> fingerprint_;
   bool bit_exact_ = true;
 
@@ -241,9 +266,13 @@ class ManagerCore {
   std::uint64_t next_number_ = 1;          // of task ids
   std::map<HostId, double> unreachable_since_;
   std::optional<double> no_room_since_;
+  std::uint32_t pause_ = 0;  // epoch from which on no camera rays are made, until no path is under way
   std::string no_room_;
 
   Progress progress_;
+  std::optional<double> last_tick_;
+  double next_growth_ = 0;  // of the map, by hosts that still load
+  ProgressRecord record_;  // of the paths in the film
   double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();
 };
 

@@ -9,7 +9,21 @@ namespace {
 
 constexpr std::uint64_t kSmallestTask = 512;  // paths; less is not worth a message
 constexpr std::uint64_t kDefaultCredits = 131072;
-constexpr std::uint32_t kTasksPerHost = 8;  // at least, by the size of tiles
+constexpr std::uint64_t kMostCredits = std::uint64_t{1} << 40;  // believed
+constexpr std::uint32_t kTasksPerHost = 8;                      // at least, by the size of tiles
+
+// Whether a reply has sums for every pixel, and every sample once: counted or invalid.
+bool fits(const wire::RendererReply& r, const RendererRange& range) {
+  if (r.sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) return false;
+  const std::uint32_t even = (range.sample_end + 1) / 2 - (range.sample_begin + 1) / 2;
+  const std::uint32_t odd = range.sample_end / 2 - range.sample_begin / 2;
+  std::uint64_t counted = 0;
+  for (const PixelSums& p : r.sums) {
+    if (p.count[0] > even || p.count[1] > odd) return false;
+    counted += p.count[0] + p.count[1];
+  }
+  return r.invalid == range.paths() - counted;
+}
 
 }  // namespace
 
@@ -102,39 +116,91 @@ std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
   return t;
 }
 
-// How large a task of this host may be now: at most some seconds of work, and less towards the end,
-// so that no host waits long for the last one.
-std::uint64_t ManagerCore::task_paths(const Host& h, std::size_t hosts) const {
+bool ManagerCore::renders(const Host& h) {
+  const auto& c = h.hello.categories();
+  return h.mapped && !h.leaving &&
+         (c.empty() || std::find(c.begin(), c.end(), wire::RENDERER) != c.end());
+}
+
+// In paths per second, where it is known; until then as fast as its threads are elsewhere.
+double ManagerCore::speed(const Host& h, double per_thread) const {
+  return h.paths_per_s > 0 ? h.paths_per_s
+                           : per_thread * h.threads();
+}
+
+// How large a task of a host with this share of the cluster's speed may be now: at most some
+// seconds of work, and less towards the end, so that no host waits long for the last one.
+std::uint64_t ManagerCore::task_paths(const Host& h, double share) const {
   std::uint64_t paths = std::uint64_t{tile_} * tile_ * options_.round_samples;
   if (h.paths_per_s > 0)
     paths = std::min(paths,
                      static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
-  return std::min(paths, std::max(kSmallestTask, unassigned_paths_ / (4 * hosts)));
+  const double rest = share * static_cast<double>(unassigned_paths_);
+  return std::min(paths, std::max(kSmallestTask, static_cast<std::uint64_t>(rest / 4)));
 }
 
 void ManagerCore::hand_out(double now) {
   if (phase_ != Phase::rendering || stopped_ || !everything_held(true)) return;
-  const auto eligible = [](const Host& h) {
-    const auto& c = h.hello.categories();
-    return h.mapped && !h.leaving &&
-           (c.empty() || std::find(c.begin(), c.end(), wire::RENDERER) != c.end());
-  };
-  const auto hosts = static_cast<std::size_t>(std::count_if(
-      hosts_.begin(), hosts_.end(), [&](const auto& h) { return eligible(h.second); }));
-  for (bool more = hosts != 0; more;) {  // one each in turn
+  double known = 0, threads = 0, total = 0;
+  for (const auto& [id, h] : hosts_) {
+    if (!renders(h) || h.paths_per_s <= 0) continue;
+    known += h.paths_per_s;
+    threads += h.threads();
+  }
+  const double per_thread = known > 0 ? known / threads : 1;
+  for (const auto& [id, h] : hosts_)
+    if (renders(h)) total += speed(h, per_thread);
+  for (bool more = total > 0; more;) {  // one each in turn
     more = false;
     for (auto& [id, h] : hosts_) {
-      if (!eligible(h)) continue;
-      const std::uint64_t credits =
-          h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
-      const std::uint64_t share = std::max(task_paths(h, hosts), unassigned_paths_ / (2 * hosts));
-      if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, share)) continue;
-      const auto range = next_range(task_paths(h, hosts));
-      if (!range) return;
-      if (h.outstanding_tasks == 0 && h.rate_paths == 0) h.rate_since = now;
-      give(id, h, *range);
+      if (!renders(h)) continue;
+      const double share = speed(h, per_thread) / total;
+      std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
+      if (!paged_.empty()) credits = std::max(credits, h.hello.paging_credits());
+      credits = std::min(credits, kMostCredits);
+      const std::uint64_t enough = std::max(
+          task_paths(h, share),
+          static_cast<std::uint64_t>(share * static_cast<double>(unassigned_paths_) / 2));
+      if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, enough))
+        continue;
+      const auto range = next_range(task_paths(h, share));
+      if (!range) return give_again(now);
+      unassigned_paths_ -= range->paths();
+      give(id, h, *range, now);
       more = true;
     }
+  }
+}
+
+// Nothing is left but what hosts are at. Those that have nothing get a second copy of what would
+// be done last: the end of the longest queue, which its host may not even have begun. The first
+// reply counts.
+void ManagerCore::give_again(double now) {
+  for (auto& [id, h] : hosts_) {
+    if (!renders(h) || h.outstanding_tasks != 0) continue;
+    // What has taken long will take as long again, whatever the host has done in the past.
+    const auto wait = [now](const Host& o) {
+      const double queue = o.paths_per_s > 0
+                               ? static_cast<double>(o.outstanding_paths) / o.paths_per_s
+                               : std::numeric_limits<double>::infinity();
+      return std::max(queue, now - o.fed);
+    };
+    auto last = outstanding_.end();
+    double longest = 0;
+    for (auto o = outstanding_.begin(); o != outstanding_.end(); ++o) {
+      if (o->second.twin != 0) continue;
+      const double its = wait(hosts_.at(o->second.host));
+      if (its < longest) continue;  // of one host's tasks the last
+      longest = its;
+      last = o;
+    }
+    if (last == outstanding_.end()) return;
+    const auto paths = static_cast<double>(last->second.range.paths());
+    if (h.paths_per_s > 0 && paths / h.paths_per_s >= longest) continue;  // it would be no help
+    const std::uint32_t task = last->first;
+    const std::uint32_t copy = give(id, h, last->second.range, now);
+    outstanding_.at(task).twin = copy;
+    outstanding_.at(copy).twin = task;
   }
 }
 
@@ -175,13 +241,24 @@ void ManagerCore::advance_cursor() {
   }
 }
 
-void ManagerCore::give(HostId id, Host& h, RendererRange range) {
+std::uint32_t ManagerCore::give(HostId id, Host& h, RendererRange range, double now) {
+  if (h.outstanding_tasks == 0) {
+    h.fed = now;
+    if (h.rate_paths == 0) h.rate_since = now;
+  }
   range.task = next_task_++;
   outstanding_[range.task] = {range, id};
   ++h.outstanding_tasks;
   h.outstanding_paths += range.paths();
-  unassigned_paths_ -= range.paths();
   send(id, wire::SubmitTask{{options_.incarnation, next_number_++}, epoch_, generation_, range});
+  return range.task;
+}
+
+void ManagerCore::take_back(std::map<std::uint32_t, Outstanding>::iterator o) {
+  Host& h = hosts_.at(o->second.host);
+  --h.outstanding_tasks;
+  h.outstanding_paths -= o->second.range.paths();
+  outstanding_.erase(o);
 }
 
 void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
@@ -190,13 +267,21 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   if (it == outstanding_.end() || it->second.host != from)
     return void(++progress_.dropped_messages);
   const RendererRange range = it->second.range;
-  if (r->sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0))
-    return void(++progress_.dropped_messages);
+  if (!fits(*r, range)) {  // nor would it answer once more
+    ++progress_.dropped_messages;
+    return remove(from, true, now);
+  }
   merge(it->second, *r);
-  outstanding_.erase(it);
   const std::uint64_t paths = range.paths();
-  --h.outstanding_tasks;
-  h.outstanding_paths -= paths;
+  if (const auto twin = outstanding_.find(it->second.twin); twin != outstanding_.end()) {
+    wire::CancelTask cancel;
+    cancel.set_task(twin->first);
+    cancel.set_paths(paths);
+    send(twin->second.host, std::move(cancel));
+    take_back(twin);
+  }
+  take_back(it);
+  h.fed = now;
   h.rate_paths += paths;
   if (now > h.rate_since + 1) {
     h.paths_per_s = static_cast<double>(h.rate_paths) / (now - h.rate_since);
@@ -207,6 +292,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   }
   reports_[from].paths_done += static_cast<double>(paths);
   progress_.render_ended = now;
+  record_.add(now, progress_.paths_done);
   hand_out(now);
   check_end(now);
   if (h.leaving) try_release(from, now);

@@ -91,6 +91,44 @@ class Placer {
     return all;
   }
 
+  // Sets room aside for one part that comes and goes, whichever it is. False: a host has not got it.
+  bool set_page_aside(std::size_t& without) {
+    std::uint64_t page = 0;
+    for (const std::size_t p : order_) {
+      const PlacementPart& part = in_.parts[p];
+      page = std::max(page, cost({}, p) - part.bytes + (part.page != 0 ? part.page : part.bytes + part.build));
+    }
+    for (std::size_t h = 0; h < hosts_.size(); ++h) {
+      // What stays is built before pages come, or they go for it: the two need room in turn.
+      hosts_[h].build = std::max(hosts_[h].build, page);
+      without = h;
+      if (hosts_[h].used + hosts_[h].build > in_.hosts[h].memory) return false;
+    }
+    return true;
+  }
+
+  // One copy of what fits, most visits a byte first; the parts that found no room.
+  std::vector<PartId> hold_visited(const std::vector<PlacementHost>& now) {
+    const auto density = [&](std::size_t p) { return load(p) / static_cast<double>(std::max<std::uint64_t>(1, cost({}, p))); };
+    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) { return density(a) > density(b); });
+    const auto part = [](std::size_t p) { return PartId(static_cast<std::uint32_t>(p)); };
+    // What is somewhere already stays, as far as there is room: else a new host would turn everything round.
+    for (const std::size_t p : order_)
+      for (std::size_t h = 0; h < now.size() && copies_[p] == 0; ++h)
+        if (std::ranges::find(now[h].holds, part(p)) != now[h].holds.end() && can_take(h, p)) add(h, p);
+    std::vector<PartId> rest;
+    for (const std::size_t p : order_) {
+      if (copies_[p] != 0) continue;
+      const std::size_t h = roomiest(p);
+      if (h == kNobody)
+        rest.push_back(part(p));
+      else
+        add(h, p);
+    }
+    std::ranges::sort(rest);
+    return rest;
+  }
+
   std::vector<std::vector<PartId>> result() const {
     std::vector<std::vector<PartId>> out(hosts_.size());
     for (std::size_t h = 0; h < hosts_.size(); ++h)
@@ -218,6 +256,24 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
                             "), the hosts have room for " + mebibytes(room) +
                             " beside main scene and textures, less what building the largest part "
                             "takes on each");
+}
+
+Result<PagedPlacement> place_paged(const PlacementInput& input) {
+  using Placement = Result<PagedPlacement>;
+  if (input.hosts.empty()) return Placement::failure("there is no host to hold the scene");
+  PlacementInput empty = input;
+  for (PlacementHost& h : empty.hosts) h.holds.clear();
+  Placer placer(empty);
+  std::size_t without = 0;
+  if (!placer.set_page_aside(without))
+    return Placement::failure("host " + std::to_string(input.hosts[without].host.value) + " may use " +
+                              mebibytes(input.hosts[without].memory) +
+                              ", which is too little for the main scene and one part at a time; "
+                              "a smaller --part-size needs less");
+  PagedPlacement result;
+  result.paged = placer.hold_visited(input.hosts);
+  result.hold = placer.result();
+  return result;
 }
 
 }  // namespace cloudrenderer

@@ -15,7 +15,8 @@ struct PlacementPart {
   std::uint64_t bytes = 0;  // loaded
   Vec3 center{0.f};
   std::vector<std::uint32_t> prototypes;  // that its instances need: counted once a host
-  std::uint64_t build = 0;                // more, while it or one of its prototypes is being built
+  std::uint64_t build = 0;    // more, while it or one of its prototypes is being built
+  std::uint64_t page = 0;     // for a while, build included; 0: as `bytes` and `build`
   double visits = 0;  // how often rays are expected in it, in any unit, >= 0; all 0: not known
 };
 struct PlacementHost {
@@ -39,5 +40,14 @@ struct PlacementInput {
 // the bytes, where visits are not known). Memory that is left takes more copies. Room is left for
 // the build that takes most, whatever is there already when it happens.
 Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input);
+
+struct PagedPlacement {
+  std::vector<std::vector<PartId>> hold;  // as above
+  std::vector<PartId> paged;              // no host's, ascending: whoever needs one loads it for a while
+};
+// For hosts that together cannot hold one copy. Every host keeps room for one part of any kind that comes and goes;
+// what is left of the memory holds one copy of the parts with most visits a byte, where they are already if possible
+// (`holds` may move). Fails with a text for people when a host has no room for main scene, largest part and its build.
+Result<PagedPlacement> place_paged(const PlacementInput& input);
 
 }  // namespace cloudrenderer

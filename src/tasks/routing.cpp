@@ -29,6 +29,10 @@ Routing::Routing(const wire::SceneHostMap& map, HostId self, float alpha)
       holders[p].push_back(s);
     }
   }
+  for (const std::uint32_t p : map.paged()) {
+    paged_.resize(parts);
+    if (p < parts && holders[p].empty()) paged_[p] = true;
+  }
   first_holder_.assign(parts + 1, 0);
   target_.assign(parts, kNoSlot);
   const Slot own = slot(self);

@@ -33,6 +33,9 @@ class Routing {
     return p.value == 0 || (p.value < part_count() &&
                             (bits_[s * words_ + p.value / 64] >> (p.value % 64) & 1u) != 0);
   }
+  // No host is to hold the part: who needs it loads it for a while (SceneHostMap.paged).
+  bool paged(PartId p) const { return p.value < paged_.size() && paged_[p.value]; }
+  bool paging() const { return !paged_.empty(); }
   // Holders of a part in the order of slots; empty for an unknown part.
   std::span<const Slot> holders(PartId p) const;
   // The host to which a segment goes whose nearest untested candidate is this part: this host
@@ -51,6 +54,7 @@ class Routing {
   std::vector<std::uint32_t> first_holder_;  // part -> range of holder_slots_
   std::vector<Slot> holder_slots_;
   std::vector<Slot> target_;
+  std::vector<bool> paged_;  // by part; empty: none
 };
 using RoutingPtr = std::shared_ptr<const Routing>;
 

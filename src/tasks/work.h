@@ -13,6 +13,7 @@
 #include "integrator/engine.h"
 #include "tasks/routing.h"
 #include "tasks/task.h"
+#include "trace/bvh_form.h"
 #include "wire/messages.h"
 
 namespace cloudrenderer {
@@ -111,6 +112,11 @@ struct StartJobWork {  // loader
 };
 struct LoadWork {  // loader
   std::vector<PartId> parts;
+  std::vector<PartId> evict;  // may be unloaded to make room, the last one first; what is not stays in the list
+};
+struct PageWork {  // loader: a part that no host holds, for a while
+  PartId part;
+  std::vector<PartId> evict;
 };
 struct UnloadWork {  // unloader
   std::vector<PartId> parts;
@@ -122,7 +128,7 @@ struct EndJobWork {  // unloader: drop everything
 
 struct Work {
   std::variant<CameraWork, TraceWork, ShadeWork, OccludeWork, ResolveWork, CollectWork,
-               StartJobWork, LoadWork, UnloadWork, EndJobWork>
+               StartJobWork, LoadWork, PageWork, UnloadWork, EndJobWork>
       what;
   std::vector<wire::TaskUuid> tasks;  // that are running in it
   RoutingPtr routing;                 // never null for work that needs it
@@ -142,11 +148,23 @@ struct LeavingAsks {
   ParkedAsks asks;
 };
 
+// What waits for a part that this host will load for a while (Routing::paged).
+struct PagedSegments {
+  PartId part;
+  KeptSegments kept;
+};
+struct PagedAsks {
+  PartId part;
+  ParkedAsks asks;
+};
+
 struct WorkResult {
   std::vector<PathSegment> next;  // to be traced here
   SegmentBatch to_shade;
   std::vector<LeavingSegments> leaving;
   std::vector<LeavingAsks> asks;
+  std::vector<PagedSegments> paged;
+  std::vector<PagedAsks> paged_asks;
   std::vector<std::pair<HostId, std::vector<PathEnd>>> ends;  // by owner
   std::vector<std::pair<HostId, wire::Reply>> replies;
   RayCounts counts;
@@ -170,10 +188,11 @@ class PartLoader {
   // Fetches the manifest and builds what every host has (main scene, part map, engine). "" or an
   // error.
   virtual std::string start_job(const wire::JobStart& job) = 0;
-  // False when loading the part could take more memory than the host may use: it is declined.
-  virtual bool has_room(PartId) const { return true; }
+  // False when loading the part could take more memory than the host may use, as things are: others are evicted, or
+  // it is declined.
+  virtual bool has_room(PartId, BvhForm) const { return true; }
   // Makes a part traceable (also for batches that run at this moment). "" or an error.
-  virtual std::string load(PartId part) = 0;
+  virtual std::string load(PartId part, BvhForm form) = 0;
   virtual void unload(PartId part) = 0;
   virtual void end_job() = 0;
   virtual std::uint64_t bytes_used() const = 0;

@@ -46,6 +46,7 @@ double WorkerCore::deadline() const {
     if (!g.ends.empty() && known(to)) t = std::min(t, g.ends_since + options_.block_age_s);
   }
   for (const Stranded& s : stranded_) t = std::min(t, s.since + options_.retry_s);
+  if (next_page_ > now_ && !paged_.empty()) t = std::min(t, next_page_);
   return t;
 }
 
@@ -76,6 +77,37 @@ void WorkerCore::handle(HostId from, wire::CancelJob& m) {
   end_job(m.reason());
 }
 
+// Another host was first. All that this one has made of the task is made twice.
+void WorkerCore::handle(HostId from, wire::CancelTask& m) {
+  if (from != kManager || !job_) return void(++dropped_);
+  const auto it = renderers_.find(m.task());
+  if (it != renderers_.end() && it->second.cancelled) return void(++dropped_);
+  const bool replied = it == renderers_.end();
+  const std::uint64_t made =
+      replied ? m.paths() : it->second.range.paths() - it->second.unissued;
+  counters_.set_wasted_paths(counters_.wasted_paths() + made);
+  if (replied) return;
+  Renderer& r = it->second;
+  r.cancelled = true;
+  r.to_make.clear();
+  if (!collecting_) forget_cancelled();
+}
+
+// Not while a thread has the ledgers.
+void WorkerCore::forget_cancelled() {
+  for (auto it = renderers_.begin(); it != renderers_.end();) {
+    const Renderer& r = it->second;
+    if (!r.cancelled || r.live() != 0) {
+      ++it;
+      continue;
+    }
+    std::erase_if(opened_, [&](const RendererRange& o) { return o.task == r.range.task; });
+    ledgers_.erase(it->first);
+    move(r.id, l_discard);
+    it = renderers_.erase(it);
+  }
+}
+
 void WorkerCore::end_job(const std::string& reason) {
   if (leaving_) left_ = true;
   if (!job_) return void(++dropped_);
@@ -96,7 +128,7 @@ void WorkerCore::forget_in_flight() {
     if (is_path_work(task.category) && task.state != TaskState::running) ended.push_back(id);
   for (const Uuid id : ended) {
     const Task& task = tasks_.at(id);
-    const bool at_lost_host = task.state == TaskState::waiting && !known(task.target);
+    const bool at_lost_host = task.state == TaskState::waiting && task.target && !known(task.target);
     move(id, at_lost_host ? k_target_lost : l_discard);
   }
   waiting_.clear();
@@ -107,6 +139,7 @@ void WorkerCore::forget_in_flight() {
   ready_occlude_.clear();
   ready_resolve_.clear();
   stranded_.clear();
+  paged_.clear();
   queued_ = local_queued_ = shade_queued_ = kept_ = 0;
   for (auto it = gather_.begin(); it != gather_.end();) {
     auto ends = std::move(it->second.ends);  // samples that are done need not be made again
@@ -139,6 +172,8 @@ void WorkerCore::forget_job() {
   job_.reset();
   job_ready_ = false;
   drops_ = 0;
+  pages_.clear();
+  next_page_ = pages_declined_ = 0;
 }
 
 void WorkerCore::handle(HostId from, wire::LoadParts& m) {
@@ -147,7 +182,7 @@ void WorkerCore::handle(HostId from, wire::LoadParts& m) {
     Task& task = create(TaskCategory::loader);
     move(task, a_accept);
     Work work;
-    work.what = LoadWork{{PartId(p)}};
+    work.what = LoadWork{{PartId(p)}, {}};
     ready_load_.push_back({task.id, std::move(work), 0});
   }
 }
@@ -211,6 +246,7 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
       if (d.host() == self_.value) unload({d.parts().begin(), d.parts().end()}, true);
   } else {
     regroup();
+    wake_all();  // some parts may have got a holder
   }
   retry_stranded(true);
   for (auto& [sender, submit] : std::exchange(early_, {})) handle(sender, submit);

@@ -52,6 +52,8 @@ struct WorkerOptions {
   double status_every_s = 0.5;
   double retry_s = 0.05;  // batches without a holder, refused ones
   float alpha = 0.25f;    // load against hosts in the cover, 1/s
+  // Instead of path_credits while parts are paged: the more paths wait, the more rays share the loading of a part.
+  std::uint64_t paging_credits = 1u << 20;
 };
 
 // What only the driver knows, for the report.
@@ -128,6 +130,7 @@ class WorkerCore {
     RendererRange range;
     std::deque<RendererLedger::Run> to_make;
     std::uint64_t unissued = 0, remaining = 0;
+    bool cancelled = false;  // stays until its last path has ended, for it takes up credits
     std::uint64_t live() const { return remaining > unissued ? remaining - unissued : 0; }
   };
   template <class T>
@@ -141,6 +144,7 @@ class WorkerCore {
   void handle(HostId from, wire::JobStart& m);
   void handle(HostId from, wire::JobEnd& m);
   void handle(HostId from, wire::CancelJob& m);
+  void handle(HostId from, wire::CancelTask& m);
   void handle(HostId from, wire::HostList& m);
   void handle(HostId from, wire::SceneHostMap& m);
   void handle(HostId from, wire::LoadParts& m);
@@ -153,6 +157,7 @@ class WorkerCore {
     ++dropped_;
   }  // not for a worker in the middle of a job
 
+  void forget_cancelled();
   void submit_renderer(Uuid id, const RendererRange& range);
   void submit_block(HostId from, wire::SubmitTask& m);
   void set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries);
@@ -186,6 +191,20 @@ class WorkerCore {
   void strand(Uuid id, std::variant<TraceWork::Returned, ResolveWork::Answered> item,
               std::size_t count);
   void retry_stranded(bool all);
+
+  // worker_pages.cpp: parts that no host holds
+  using PagedItem = std::variant<TraceWork::Returned, ResolveWork::Answered>;
+  void page(PartId part, PagedItem item, std::size_t count);
+  void wake(PartId part);
+  void wake_all();
+  bool may_page() const;
+  Work take_page();
+  std::vector<PartId> take_pages();
+  void keep_pages(const std::vector<PartId>& pages);
+  void finish_page(const PageWork& work, WorkResult& r, double taken);
+  std::uint64_t credits() const {
+    return routing_->paging() ? options_.paging_credits : options_.path_credits;
+  }
 
   // worker_take.cpp: work and results
   bool may_make_camera() const;
@@ -249,6 +268,21 @@ class WorkerCore {
   std::vector<Stranded> stranded_;  // fresh: no holder at present
   std::vector<std::pair<HostId, wire::SubmitTask>>
       early_;  // of a generation that this host does not know yet
+
+  // parts that come and go
+  struct Paged {
+    struct Item {
+      Uuid id;
+      PagedItem item;
+      std::size_t count;
+    };
+    std::vector<Item> items;
+    std::size_t count = 0;  // segments and rays
+  };
+  std::map<PartId, Paged> paged_;  // what waits, by part
+  std::set<PartId> pages_;         // resident for a while
+  double next_page_ = 0;           // no attempt before: there was no room
+  std::uint32_t pages_declined_ = 0;  // in a row
 
   // renderer tasks of this host
   std::map<std::uint32_t, Renderer> renderers_;

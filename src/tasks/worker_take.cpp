@@ -30,7 +30,7 @@ std::uint64_t WorkerCore::live_paths() const {
 // What bounds memory: paths that exist always go on, new ones are made only while there is room for
 // them.
 bool WorkerCore::may_make_camera() const {
-  if (!job_ready_ || remaking_ || routing_->epoch() == 0 || queued_ >= options_.low_mark)
+  if (!job_ready_ || remaking_ || map_.pause() || routing_->epoch() == 0 || queued_ >= options_.low_mark)
     return false;
   if (std::none_of(renderers_.begin(), renderers_.end(),
                    [](const auto& r) { return !r.second.to_make.empty(); }))
@@ -38,7 +38,7 @@ bool WorkerCore::may_make_camera() const {
   for (const wire::HostEntry& e : host_entries_)
     if (HostId(e.host()) != self_ && e.load_s() > static_cast<double>(options_.peer_load_limit_s))
       return false;
-  return live_paths() < options_.path_credits;
+  return live_paths() < credits();
 }
 
 bool WorkerCore::has_work() const {
@@ -95,8 +95,8 @@ Work WorkerCore::take_camera(double now) {
   Task& task = tasks_.at(r.id);
   if (task.state == TaskState::ready) move(task, b_run);
   RendererLedger::Run& run = r.to_make.front();
-  const std::uint64_t credits = options_.path_credits - live_paths();
-  const std::uint64_t count = std::min({run.count, std::uint64_t{options_.camera_batch}, credits});
+  const std::uint64_t count =
+      std::min({run.count, std::uint64_t{options_.camera_batch}, credits() - live_paths()});
   work.what = CameraWork{r.range, static_cast<std::uint16_t>(self_.value), run.first, count};
   run.first += count;
   run.count -= count;
@@ -225,7 +225,22 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
     const bool old_map = work.routing->epoch() != routing_->epoch();  // hosts are chosen again
     for (LeavingSegments& l : r.leaving) gather(old_map ? HostId() : l.to, std::move(l.kept));
     for (LeavingAsks& l : r.asks) gather(old_map ? HostId() : l.to, std::move(l.asks));
-    if (old_map) retry_stranded(true);
+    for (PagedSegments& p : r.paged) {
+      const std::size_t n = p.kept.segments->size();
+      TraceWork::Returned item;
+      item.kept.push_back(std::move(p.kept));
+      page(p.part, std::move(item), n);
+    }
+    for (PagedAsks& p : r.paged_asks) {
+      const std::size_t n = p.asks.size();
+      ResolveWork::Answered item;
+      item.asks.push_back(std::move(p.asks));
+      page(p.part, std::move(item), n);
+    }
+    if (old_map) {
+      retry_stranded(true);
+      wake_all();
+    }
     for (auto& [to, reply] : r.replies) send(to, std::move(reply));
   }
   flush_all();
@@ -249,6 +264,10 @@ void WorkerCore::finish_collect(const CollectWork& work, WorkResult& r) {
   for (const auto& [number, remaining] : r.remaining) renderers_.at(number).remaining = remaining;
   for (auto& [number, runs] : r.missing) {
     Renderer& renderer = renderers_.at(number);
+    if (renderer.cancelled) {
+      renderer.unissued = renderer.remaining;  // nothing of it is on the way any more
+      continue;
+    }
     counters_.set_wasted_paths(counters_.wasted_paths() + renderer.live());
     renderer.to_make.assign(runs.begin(), runs.end());
     renderer.unissued = renderer.remaining;
@@ -258,6 +277,7 @@ void WorkerCore::finish_collect(const CollectWork& work, WorkResult& r) {
   if (work.list_missing) remaking_ = false;
   for (wire::RendererReply& reply : r.completed) {
     const auto it = renderers_.find(reply.task);
+    if (it->second.cancelled) continue;
     const Uuid id = it->second.id;
     renderers_.erase(it);
     Task& task = tasks_.at(id);
@@ -268,6 +288,7 @@ void WorkerCore::finish_collect(const CollectWork& work, WorkResult& r) {
     move(task, j_replied);
     counters_.set_tasks_renderer(counters_.tasks_renderer() + 1);
   }
+  forget_cancelled();
 }
 
 // ---- loader and unloader
@@ -282,20 +303,21 @@ bool WorkerCore::may_unload() const {
 }
 
 bool WorkerCore::has_load_work() const {
-  if (loading_ || ready_load_.empty()) return false;
+  if (loading_) return false;
+  if (ready_load_.empty()) return may_page();
   return !std::holds_alternative<UnloadWork>(ready_load_.front().item.what) || may_unload();
 }
 
 std::optional<Work> WorkerCore::take_load(double now) {
   now_ = now;
   if (!has_load_work()) return std::nullopt;
-  auto ready = pop(ready_load_);
-  Work work = std::move(ready.item);
-  work.routing = routing_;
-  work.job = job_ ? job_->job() : 0;
-  work.taken = now;
-  run(work, ready.id);
   loading_ = true;
+  if (ready_load_.empty()) return take_page();
+  auto ready = pop(ready_load_);
+  Work work = base_work(now);
+  work.what = std::move(ready.item.what);
+  if (auto* load = std::get_if<LoadWork>(&work.what)) load->evict = take_pages();
+  run(work, ready.id);
   return work;
 }
 
@@ -318,6 +340,8 @@ void WorkerCore::finish_load(const Work& work, WorkResult& r) {
     move(id, j_replied);
   }
   if (stale) return;
+  if (const auto* page = std::get_if<PageWork>(&work.what)) return finish_page(*page, r, work.taken);
+  if (const auto* load = std::get_if<LoadWork>(&work.what)) keep_pages(load->evict);
   if (const auto* unload = std::get_if<UnloadWork>(&work.what); unload && unload->before_paths)
     --drops_;
   if (std::holds_alternative<StartJobWork>(work.what)) job_ready_ = r.error.empty();

@@ -135,7 +135,7 @@ void occluded_filter(const RTCFilterFunctionNArguments* args) {
 }
 
 LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, Part part,
-                       std::vector<std::shared_ptr<const LoadedPart>> prototypes)
+                       std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form)
     : device_(std::move(device)), alpha_(alpha), part_(std::move(part)), prototypes_(std::move(prototypes)) {
   const auto masked = [](const auto& x) { return x.alpha_texture != kNone; };
   has_alpha_ = alpha_ && (std::ranges::any_of(part_.chunks, masked) || std::ranges::any_of(part_.quadrics, masked) ||
@@ -148,8 +148,11 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
   const std::uint64_t before = device_->bytes();
   device_->add_shared(static_cast<std::int64_t>(shared_bytes_));
   scene_.reset(rtcNewScene(device_->get()));
-  rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST | (has_alpha_ ? RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION : RTC_SCENE_FLAG_NONE));
-  rtcSetSceneBuildQuality(scene_.get(), RTC_BUILD_QUALITY_MEDIUM);
+  rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST |
+                                     (has_alpha_ ? RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION : RTC_SCENE_FLAG_NONE));
+  // Embree builds a mesh fast only on its own, below a tree of meshes: with other shapes beside it that is no gain.
+  if (form == BvhForm::passing && part_.quadrics.empty() && part_.instances.empty()) quality_ = RTC_BUILD_QUALITY_LOW;
+  rtcSetSceneBuildQuality(scene_.get(), quality_);
   add_triangles();
   add_quadrics();
   add_instances();
@@ -173,6 +176,7 @@ void LoadedPart::add_triangles() {
   rtcSetSharedGeometryBuffer(g.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, part_.triangles.data(), 0,
                              sizeof(Triangle), part_.triangles.size());
   rtcSetGeometryUserData(g.get(), this);
+  rtcSetGeometryBuildQuality(g.get(), quality_);
   rtcSetGeometryIntersectFilterFunction(g.get(), intersect_filter);
   if (has_alpha_) rtcSetGeometryOccludedFilterFunction(g.get(), occluded_filter);
   rtcCommitGeometry(g.get());

@@ -14,7 +14,7 @@ inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kFirstInstance = 2;
 class LoadedPart {
  public:
   LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, Part part,
-             std::vector<std::shared_ptr<const LoadedPart>> prototypes);
+             std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form);
   ~LoadedPart();
   LoadedPart(const LoadedPart&) = delete;
   LoadedPart& operator=(const LoadedPart&) = delete;
@@ -59,6 +59,7 @@ class LoadedPart {
   Part part_;
   std::vector<std::shared_ptr<const LoadedPart>> prototypes_;  // by prototype number; those the instances need
   bool has_alpha_ = false, few_quadrics_ = false;
+  RTCBuildQuality quality_ = RTC_BUILD_QUALITY_MEDIUM;
   struct BoundingSphere {
     Vec3 center;
     float radius;
@@ -101,10 +102,11 @@ struct QueryContext {
   Lane* lanes = nullptr;
 };
 // Where a ray must end so that a hit at t is still offered. Embree compares numerators (T <= |den| * t_far), which
-// loses half of the hits that tie with the best one by rounding.
+// loses half of the hits that tie with the best one by rounding; and the box of a triangle that ties at a vertex may begin
+// behind the computed distance of that vertex, by more than the few ulps that its robust box test forgives.
 template <class F>
 F reach(F t) {
-  return t * (1.f + 0x1p-21f);
+  return t * (1.f + 0x1p-16f);
 }
 
 inline constexpr std::uint32_t kForeign = 0xfffffffeu;

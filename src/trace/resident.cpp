@@ -161,14 +161,14 @@ void Resident::set_alpha(AlphaFunction alpha) { alpha_ = std::move(alpha); }
 
 std::uint64_t Resident::load_prototype(std::uint32_t prototype, Part part) {
   auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, std::move(part),
-                                                   std::vector<std::shared_ptr<const LoadedPart>>());
+                                                   std::vector<std::shared_ptr<const LoadedPart>>(), BvhForm::fast);
   const std::lock_guard lock(mutex_);
   if (prototypes_.size() <= prototype) prototypes_.resize(prototype + 1);
   prototypes_[prototype] = loaded;
   return loaded->bytes();
 }
 
-std::uint64_t Resident::load_part(PartId id, Part part) {
+std::uint64_t Resident::load_part(PartId id, Part part, BvhForm form) {
   std::vector<std::shared_ptr<const LoadedPart>> needed;
   {
     const std::lock_guard lock(mutex_);
@@ -176,7 +176,7 @@ std::uint64_t Resident::load_part(PartId id, Part part) {
     for (const InstanceRecord& r : part.instances)
       if (r.prototype < prototypes_.size()) needed[r.prototype] = prototypes_[r.prototype];
   }
-  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, std::move(part), std::move(needed));
+  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, std::move(part), std::move(needed), form);
   const std::lock_guard lock(mutex_);
   auto next = std::make_shared<ResidentSet>(*set_);
   if (next->parts_.size() <= id.value) next->parts_.resize(id.value + 1);

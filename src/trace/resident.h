@@ -10,6 +10,7 @@
 
 #include "base/id.h"
 #include "parts/part.h"
+#include "trace/bvh_form.h"
 #include "trace/hit.h"
 
 namespace cloudrenderer {
@@ -58,7 +59,7 @@ class Resident {
   // Builds the BVH. A part's prototypes must be loaded before it. Returns the bytes now used by it (arrays and BVH).
   // Throws ClusterError when Embree fails (out of memory).
   std::uint64_t load_prototype(std::uint32_t prototype, Part part);
-  std::uint64_t load_part(PartId id, Part part);
+  std::uint64_t load_part(PartId id, Part part, BvhForm form = BvhForm::fast);
   void unload_part(PartId id);
   void unload_prototype(std::uint32_t prototype);  // dropped when the last part that uses it goes
   bool has_prototype(std::uint32_t prototype) const;

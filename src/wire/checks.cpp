@@ -1,6 +1,8 @@
 #include "wire/checks.h"
 
+#include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "wire/codec.h"
 
@@ -11,8 +13,20 @@ constexpr std::uint32_t kMaxHosts = 0xffff;  // a segment's owner has 16 bits
 constexpr std::uint32_t kMaxParts = 1u << 22;
 constexpr std::uint32_t kMaxResolution = 1u << 16;
 constexpr std::size_t kMaxText = 4096;
+// Nobody makes camera rays while a host says that it is busy for long: one that says for ever would
+// stop them all.
+constexpr double kMaxLoad = 1e6;
 
 bool is_amount(double v) { return std::isfinite(v) && v >= 0; }
+
+bool is_load(double v) { return is_amount(v) && v <= kMaxLoad; }
+
+// What is written to logs: nothing that begins a line there.
+bool is_text(const std::string& s) {
+  return s.size() <= kMaxText && std::none_of(s.begin(), s.end(), [](char c) {
+           return static_cast<unsigned char>(c) < ' ' || c == 0x7f;
+         });
+}
 
 template <class Numbers>
 bool all_below(const Numbers& numbers, std::uint32_t limit) {
@@ -25,10 +39,9 @@ template <class Entries>
 const char* check_entries(const Entries& entries) {
   for (const HostEntry& e : entries) {
     if (e.host() == 0 || e.host() >= kMaxHosts) return "a host number is out of range";
-    if (!is_amount(e.load_s()) || !is_amount(e.segments_per_s()))
-      return "a host's load is no amount";
-    if (e.name().size() > kMaxText || e.address().size() > kMaxText)
-      return "a host's name or address is too long";
+    if (!is_load(e.load_s()) || !is_amount(e.segments_per_s())) return "a host's load is no amount";
+    if (!is_text(e.name()) || !is_text(e.address()))
+      return "a host's name or address is too long, or no text";
   }
   return nullptr;
 }
@@ -36,12 +49,10 @@ const char* check_entries(const Entries& entries) {
 }  // namespace
 
 const char* check(const Hello& m) {
-  if (m.name().size() > kMaxText || m.listen().size() > kMaxText ||
-      m.instruction_set().size() > kMaxText || m.version().size() > kMaxText ||
-      m.features_size() > 64)
-    return "a text is too long";
-  return m.threads() == 0 || m.threads() > 65536 ? "the number of threads is out of range"
-                                                 : nullptr;
+  if (!is_text(m.name()) || !is_text(m.listen()) || !is_text(m.instruction_set()) ||
+      !is_text(m.version()) || m.features_size() > 64)
+    return "a name is too long, or no text";
+  return nullptr;  // what the numbers may be the manager says, so that the host hears it
 }
 
 const char* check(const Welcome& m) {
@@ -105,7 +116,7 @@ const char* check(const BlobChunk& m) {
 }
 
 const char* check(const Status& m) {
-  return is_amount(m.load_s()) && is_amount(m.segments_per_s()) ? nullptr : "the load is no amount";
+  return is_load(m.load_s()) && is_amount(m.segments_per_s()) ? nullptr : "the load is no amount";
 }
 
 }  // namespace cloudrenderer::wire

@@ -22,6 +22,7 @@ inline const char* check(const Proof&) { return nullptr; }
 inline const char* check(const Refused&) { return nullptr; }
 inline const char* check(const JobEnd&) { return nullptr; }
 inline const char* check(const CancelJob&) { return nullptr; }
+inline const char* check(const CancelTask&) { return nullptr; }
 inline const char* check(const Leave&) { return nullptr; }
 inline const char* check(const Error&) { return nullptr; }
 

@@ -15,6 +15,8 @@ namespace {
 
 constexpr std::size_t kCheckedBefore =
     8;  // type, version, control length: they are part of the checksum
+constexpr std::size_t kHeaderChecked = 20;
+constexpr std::uint32_t kAfterLength = kFrameHeaderBytes - 4;
 
 template <class T>
 inline constexpr bool kHasBulk =
@@ -26,6 +28,10 @@ std::uint64_t checksum(std::span<const std::byte> payload) {
   std::memcpy(&head, payload.data(), kCheckedBefore);
   return XXH3_64bits_withSeed(payload.data() + kPayloadHeaderBytes,
                               payload.size() - kPayloadHeaderBytes, head);
+}
+
+std::uint32_t header_check(const std::byte* header) {
+  return static_cast<std::uint32_t>(XXH3_64bits(header, kHeaderChecked));
 }
 
 // Reserves a payload, writes header and control, and returns where the bulk begins.
@@ -89,7 +95,7 @@ constexpr std::array<const char*, std::variant_size_v<Message>> kNames = {
     "Challenge",   "Proof",        "Hello",       "Welcome",   "Refused",    "PeerHello",
     "HostList",    "SceneHostMap", "JobStart",    "JobEnd",    "CancelJob",  "LoadParts",
     "UnloadParts", "LoadReport",   "BlobRequest", "BlobChunk", "SubmitTask", "Reply",
-    "PathEnds",    "Status",       "Leave",       "Error"};
+    "PathEnds",    "Status",       "Leave",       "Error",     "CancelTask"};
 
 }  // namespace
 
@@ -98,19 +104,23 @@ const char* message_name(const Message& m) { return kNames[m.index()]; }
 std::array<std::byte, kFrameHeaderBytes> encode_frame_header(const LinkHeader& link,
                                                              std::size_t payload_bytes) {
   std::array<std::byte, kFrameHeaderBytes> out;
-  const auto length = static_cast<std::uint32_t>(payload_bytes + 16);
+  const auto length = static_cast<std::uint32_t>(payload_bytes + kAfterLength);
   const std::array<std::uint32_t, 5> fields{length, link.incarnation, link.sequence, link.ack,
                                             link.window};
   std::memcpy(out.data(), fields.data(), sizeof fields);
+  const std::uint32_t check = header_check(out.data());
+  std::memcpy(out.data() + kHeaderChecked, &check, sizeof check);
   return out;
 }
 
 Result<FrameHeader> decode_frame_header(std::span<const std::byte, kFrameHeaderBytes> bytes) {
-  std::array<std::uint32_t, 5> f;
+  std::array<std::uint32_t, 6> f;
   std::memcpy(f.data(), bytes.data(), sizeof f);
-  if (f[0] < 16 || f[0] > kMaxFrameBytes - 4)
+  if (f[0] < kAfterLength || f[0] > kMaxFrameBytes - 4)
     return Result<FrameHeader>::failure("the frame's length is out of range");
-  return FrameHeader{f[0] - 16, {f[1], f[2], f[3], f[4]}};
+  if (f[5] != header_check(bytes.data()))
+    return Result<FrameHeader>::failure("the check of the frame's header does not match");
+  return FrameHeader{f[0] - kAfterLength, {f[1], f[2], f[3], f[4]}};
 }
 
 Bytes encode(const Message& m) {
@@ -132,23 +142,28 @@ Bytes encode(const Message& m) {
   return out;
 }
 
+bool is_intact(std::span<const std::byte> payload) {
+  if (payload.size() < kPayloadHeaderBytes) return false;
+  std::uint64_t sum;
+  std::memcpy(&sum, payload.data() + kCheckedBefore, 8);
+  return checksum(payload) == sum;
+}
+
 Result<Message> decode(std::span<const std::byte> payload) {
   if (payload.size() < kPayloadHeaderBytes) return failure("a payload is shorter than its header");
   if (payload.size() > kMaxFrameBytes) return failure("a payload is too long");
   std::uint16_t type, version;
   std::uint32_t control_bytes;
-  std::uint64_t sum;
   std::memcpy(&type, payload.data(), 2);
   std::memcpy(&version, payload.data() + 2, 2);
   std::memcpy(&control_bytes, payload.data() + 4, 4);
-  std::memcpy(&sum, payload.data() + kCheckedBefore, 8);
   if (version != kProtocolVersion)
     return failure("protocol version " + std::to_string(version) + ", this host speaks " +
                    std::to_string(kProtocolVersion));
   if (type >= kDecoders.size()) return failure("unknown message type " + std::to_string(type));
   if (control_bytes > payload.size() - kPayloadHeaderBytes)
     return failure("the control part is longer than the payload");
-  if (checksum(payload) != sum) return failure("the checksum does not match");
+  if (!is_intact(payload)) return failure("the checksum does not match");
   const auto rest = payload.subspan(kPayloadHeaderBytes);
   return kDecoders[type](rest.first(control_bytes), rest.subspan(control_bytes));
 }

@@ -1,11 +1,11 @@
 #pragma once
 // Bytes <-> messages. No sockets, no state; any thread. The format is described in README.md.
 //
-//   frame   = u32 length of all that follows | link header (16) | payload
+//   frame   = u32 length of all that follows | link header (16) | u32 xxh3 of these 20 bytes | payload
 //   payload = u16 type | u16 version | u32 control bytes | u64 xxh3 of type..control length,
 //   control and bulk
 //             | control (protobuf) | bulk (columns)
-// All numbers little-endian. A frame without payload (length 16) only acknowledges.
+// All numbers little-endian. A frame without payload (length 20) only acknowledges.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -20,7 +20,7 @@ namespace cloudrenderer::wire {
 
 inline constexpr std::size_t kMaxFrameBytes = std::size_t{16} << 20;  // length prefix included
 inline constexpr std::size_t kMaxBlobChunk = std::size_t{1} << 20;
-inline constexpr std::size_t kFrameHeaderBytes = 20;  // length and link header
+inline constexpr std::size_t kFrameHeaderBytes = 24;  // length, link header and their check
 inline constexpr std::size_t kPayloadHeaderBytes = 16;
 // No coordinate of a ray that comes from outside is larger: Embree's own limit is a little above.
 inline constexpr float kMaxCoordinate = 1e18f;
@@ -43,12 +43,15 @@ struct FrameHeader {
 
 std::array<std::byte, kFrameHeaderBytes> encode_frame_header(const LinkHeader& link,
                                                              std::size_t payload_bytes);
-// Fails for lengths outside [16, kMaxFrameBytes]: nothing may be allocated then, the connection is
-// to be closed.
+// Fails for altered headers and for lengths that no frame has: nothing may be allocated then, the
+// connection is to be closed.
 Result<FrameHeader> decode_frame_header(std::span<const std::byte, kFrameHeaderBytes> bytes);
 
 // The payload of a message. The caller keeps blocks below the cap (cores do).
 Bytes encode(const Message& m);
+// The payload is as its sender made it. Asked before a link takes a frame: what is acknowledged never
+// comes again.
+bool is_intact(std::span<const std::byte> payload);
 // Checks the checksum, every length before anything is allocated, and every value that could do
 // harm: rays must be finite, below kMaxCoordinate, with a direction near unit length.
 Result<Message> decode(std::span<const std::byte> payload);

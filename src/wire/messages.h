@@ -100,7 +100,7 @@ struct PathEnds {
 using Message =
     std::variant<Challenge, Proof, Hello, Welcome, Refused, PeerHello, HostList, SceneHostMap,
                  JobStart, JobEnd, CancelJob, LoadParts, UnloadParts, LoadReport, BlobRequest,
-                 BlobChunk, SubmitTask, Reply, PathEnds, Status, Leave, Error>;
+                 BlobChunk, SubmitTask, Reply, PathEnds, Status, Leave, Error, CancelTask>;
 
 // For log lines: "SubmitTask".
 const char* message_name(const Message& m);

@@ -1,5 +1,11 @@
 """The exit codes of the command line: 1 a bound missed, 2 wrong usage, 3 an unreadable scene, 4 no cluster."""
+import shlex
+import shutil
+import socket
+import subprocess
+
 import support
+import wire_support as wire
 
 TINY = ("--spp", "1", "--resolution", "16x16", "--quiet")
 
@@ -51,6 +57,94 @@ class ExitCodes(support.ClusterTest):
         self.expect(3, "render", self.folder / "nowhere.pbrt", *TINY, words=r"nowhere\.pbrt")
         path = self.broken('WorldBegin\nInclude "nowhere.pbrt"\nWorldEnd\n')
         self.expect(3, "render", path, *TINY, words=r"broken\.pbrt:2:\d+: error: ")
+
+    def damaged(self, name, file, change):
+        folder = self.folder / name
+        shutil.copytree(self.folder / "split", folder)
+        data = (folder / file).read_bytes()
+        (folder / file).write_bytes(change(data))
+        return folder
+
+    def test_3_for_a_damaged_split(self):
+        self.split()
+        for name, file, words in (("manifest", "manifest.bin", r"manifest\.bin: manifest: "),
+                                  ("part", "parts/00003.part", r"00003\.part: the file has \d+ bytes, \d+ belong")):
+            cut = self.damaged(name, file, lambda data: data[:len(data) // 2])
+            for hosts in (1, 2):
+                self.expect(3, "render", cut, "-o", self.folder / "a.exr", *TINY, "--hosts", hosts, words=words)
+            (cut / file).unlink()
+            self.expect(3, "render", cut, "-o", self.folder / "a.exr", *TINY)
+
+    def test_4_for_a_part_that_was_altered(self):
+        self.split()
+        altered = self.damaged("altered", "parts/00003.part",
+                               lambda data: data[:3000] + bytes((data[3000] ^ 1,)) + data[3001:])
+        for hosts in (1, 2):
+            self.expect(4, "render", altered, "-o", self.folder / "a.exr", *TINY, "--hosts", hosts,
+                        words=r"part 3: .*00003\.part: part: wrong checksum")
+        self.assertFalse((self.folder / "a.exr").exists())
+
+    def expect_full(self, blocks, words, *arguments):
+        """With a disk that is full after so many KiB: a limit on the size of files stands for it."""
+        program = shlex.join(map(str, (support.PROGRAM, *arguments)))
+        result = subprocess.run(["bash", "-c", f"trap '' XFSZ; ulimit -f {blocks}; exec {program}"], timeout=60,
+                                capture_output=True, text=True)
+        self.assertEqual(result.returncode, 4, result.stderr)
+        self.assertRegex(result.stderr, words)
+
+    def test_4_for_a_full_disk(self):
+        split = self.split()
+        picture = ("--spp", "1", "--resolution", "64x64", "--quiet")
+        for name in ("full.exr", "full.png"):
+            out = self.folder / name
+            self.expect_full(1, rf"cannot write .*{name}: File too large", "render", split, "-o", out, *picture)
+            self.assertFalse(out.exists(), "half a picture was left behind")
+        self.expect_full(100, "split: File too large", "split", support.SCENE, "-o", self.folder / "full")
+        self.assertFalse((self.folder / "full" / "manifest.bin").exists(), "a split that looks complete")
+        self.expect(4, "render", split, "-o", self.folder / "a.exr", *TINY, "--report", "/dev/full",
+                    words="cannot write the report /dev/full")
+
+    def test_4_for_addresses_that_lead_nowhere(self):
+        out = self.folder / "a.exr"
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            address = "127.0.0.1:%d" % taken.getsockname()[1]
+            self.expect(4, "manager", support.SCENE, "-o", out, *TINY, "--listen", address,
+                        words=f"cannot listen on {address}: Address already in use")
+            port = support.free_ports(1)[0]
+            manager = self.start_manager(support.SCENE, out, port, *TINY, "--wait", 30)
+            worker = self.start("worker", "worker", "--manager", f"127.0.0.1:{port}", "--listen", address)
+            self.assertEqual(worker.wait(20), 4, worker.text())
+            self.assertIn(f"cannot listen on {address}: Address already in use", worker.text())
+            manager.kill()
+            manager.wait(10)
+        self.expect(4, "worker", "--manager", address, "--wait", 1, words=f"cannot connect to {address}: Connection ref")
+        nowhere = "nowhere.invalid:4000"
+        self.expect(4, "worker", "--manager", nowhere, "--wait", 1, words=f"cannot connect to {nowhere}: Host not found")
+        self.expect(4, "manager", support.SCENE, "-o", out, *TINY, "--listen", nowhere,
+                    words=f"cannot listen on {nowhere}: Host not found")
+
+    def test_4_for_a_worker_with_absurd_numbers(self):
+        port = support.free_ports(1)[0]
+        manager = self.start_manager(support.SCENE, self.folder / "a.exr", port, *TINY, "--wait", 30)
+        absurd = self.start_worker("absurd", port, 0, "1048576TiB")
+        self.assertEqual(absurd.wait(20), 4, absurd.text())
+        self.assertRegex(absurd.text(), "the manager refuses this host: .*1048576 TiB of memory; up to 1024 TiB")
+        self.assertTrue(manager.running(), manager.text())
+        self.assertEqual(self.start_worker("worker", port, 0, "512MiB").wait(30), 0, self.logs())
+        self.assertEqual(manager.wait(10), 0, manager.text())
+        self.assertIn("1048576 TiB", manager.text())
+
+    def test_4_for_another_protocol_version(self):
+        """A manager of a later version, which is only said by its first frame."""
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            server.settimeout(20)
+            port = server.getsockname()[1]
+            worker = self.start("worker", "worker", "--manager", f"127.0.0.1:{port}", "--wait", 3)
+            peer = wire.Peer(server.accept()[0])
+            peer.send(wire.frame(wire.payload(wire.CHALLENGE, wire.field(1, b"n" * 32), version=2)))
+            self.assertEqual(worker.wait(20), 4, worker.text())
+            self.assertRegex(worker.text(), "protocol version 2, this host speaks 1")
+            peer.close()
 
     def test_4_without_workers(self):
         port = support.free_ports(1)[0]

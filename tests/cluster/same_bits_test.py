@@ -32,6 +32,11 @@ class SameBits(support.ClusterTest):
                                "--replication", replication, "--memory", share)
             self.assertGreater(found["rays"]["moved"], 0, "no path moved: the scene was not shared between the hosts")
             self.assertEqual(len(found["hosts"]), hosts)
+        # And with less than one copy in all of them.
+        for hosts, part in ((1, 0.5), (2, 0.3)):
+            found = self.check(wanted, f"paged-{hosts}", split, "--hosts", hosts, "--threads", 1, "--memory",
+                               int(report["hosts"][0]["memory_peak"] * part))
+            self.assertGreater(sum(h["paged_in"] for h in found["hosts"]), 0, "nothing was paged")
         self.check(wanted, "unsplit", support.SCENE, "--threads", 2)
         self.check(wanted, "unsplit-two", support.SCENE, "--hosts", 2, "--threads", 1, "--part-size", "2MiB")
 

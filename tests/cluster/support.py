@@ -53,13 +53,13 @@ def wait_until_listening(port, seconds=20):
 
 
 class Process:
-    """A running program whose output goes to a file."""
+    """A running program whose output goes to a file. `prefix`: a command that becomes the program (`ip netns exec`)."""
 
-    def __init__(self, name, arguments, folder, mark):
+    def __init__(self, name, arguments, folder, mark, prefix=()):
         self.name = name
         self.log = folder / f"{name}.log"
         with open(self.log, "w") as log:
-            self.child = subprocess.Popen([str(a) for a in [PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
+            self.child = subprocess.Popen([str(a) for a in [*prefix, PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
                                           stdin=subprocess.DEVNULL, env=os.environ | {MARK: mark},
                                           preexec_fn=measure.die_with_parent)
 
@@ -124,8 +124,8 @@ class ClusterTest(unittest.TestCase):
             os.kill(pid, signal.SIGKILL)
         self.assertEqual(left, [], "processes were left behind")
 
-    def start(self, name, *arguments):
-        process = Process(name, arguments, self.folder, self.mark)
+    def start(self, name, *arguments, prefix=()):
+        process = Process(name, arguments, self.folder, self.mark, prefix)
         self.processes.append(process)
         return process
 
@@ -141,6 +141,13 @@ class ClusterTest(unittest.TestCase):
         result = self.run_program("render", *arguments, "-o", out, "--quiet", report=True, timeout=timeout)
         self.assertEqual(result.code, 0, result.output)
         return measure.read_rgb(out), result.report
+
+    def spp_for_frame(self, seconds, scene, size):
+        """A sample count that keeps two processors busy for at least so long. By processor time: what others do on this
+        machine does not make the frame too short."""
+        few, many = (self.render("probe", scene, "--spp", spp, "--resolution", size, "--threads", 2)[1]["time"]["cpu_s"]
+                     for spp in (1, 65))
+        return max(16, min(4096, int(64 * 2 * seconds / max(many - few, 0.01))))
 
     def split(self, scene=SCENE, part_size="512KiB"):
         folder = self.folder / "split"

@@ -1,6 +1,7 @@
 #include "cluster_sim.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 namespace cloudrenderer::sim {
@@ -8,41 +9,53 @@ namespace {
 
 constexpr double kEndOfTime = 600;  // virtual seconds: a run that is not done by then never will be
 constexpr HostId kManager{0};
-constexpr std::uint64_t kPartBytes = 100;
+constexpr std::size_t kOrders = 200;  // frames that say neither block nor end: maps, loads, heartbeats
 
 std::uint64_t incarnation_of(HostId h) { return 1000 + h.value; }
 
-std::vector<PixelSums> reference(const Scenario& s) {
+// What every path brings home: pixel * spp + sample.
+std::vector<PathEnd> reference(const Scenario& s) {
   MadeUpEngine engine(s.scene);
   for (std::uint32_t p = 0; p < s.scene.parts; ++p) engine.resident.insert(p);
-  std::vector<PixelSums> film(std::size_t{s.scene.width} * s.height);
+  std::vector<PathEnd> paths(std::size_t{s.scene.width} * s.height * s.spp);
   SegmentBatch batch;
-  engine.camera({0, 0, 0, s.scene.width, s.height, 0, s.spp}, 1, 0, film.size() * s.spp,
-                batch.segments);
+  engine.camera({0, 0, 0, s.scene.width, s.height, 0, s.spp}, 1, 0, paths.size(), batch.segments);
   while (!batch.segments.empty()) {
     batch.hits.clear();
     engine.trace(batch);
     ShadeOutput out;
     engine.shade(batch, out);
-    for (const PathEnd& e : out.ended)
-      if (!(e.flags & kEndInvalid)) film[e.pixel].add(e.radiance, e.sample);
+    for (const PathEnd& e : out.ended) paths[std::size_t{e.pixel} * s.spp + e.sample] = e;
     batch.segments = std::move(out.continuing);
   }
-  return film;
+  return paths;
+}
+
+std::uint64_t part_bytes(const Scenario& s, std::uint32_t part) {
+  return part == 0 ? 10 : kPartBytes + mix64(s.seed + part) % 20;
 }
 
 class Loader final : public PartLoader {
  public:
-  explicit Loader(const MadeUpScene& scene) : engine(scene) { engine.resident.insert(0); }
+  explicit Loader(const Scenario& s) : engine(s.scene), s_(s) { engine.resident.insert(0); }
   MadeUpEngine engine;
+  bool has_room(PartId p, BvhForm) const override { return bytes_used() + part_bytes(s_, p.value) <= s_.memory; }
   std::string start_job(const wire::JobStart&) override { return {}; }
-  std::string load(PartId p) override {
-    engine.resident.insert(p.value);
+  std::string load(PartId p, BvhForm) override {
+    if (!engine.resident.insert(p.value).second) return "is there already";
     return {};
   }
-  void unload(PartId p) override { engine.resident.erase(p.value); }
+  void unload(PartId p) override { unloaded += engine.resident.erase(p.value); }
   void end_job() override { engine.resident = {0}; }
-  std::uint64_t bytes_used() const override { return engine.resident.size() * kPartBytes; }
+  std::uint64_t bytes_used() const override {
+    std::uint64_t bytes = 0;
+    for (const std::uint32_t p : engine.resident) bytes += part_bytes(s_, p);
+    return bytes;
+  }
+  std::uint64_t unloaded = 0;
+
+ private:
+  const Scenario& s_;
 };
 
 struct Node {
@@ -56,6 +69,7 @@ struct Node {
   std::uint32_t busy = 0;
   bool alive = true;
   bool going = false;  // an event has struck it
+  double slowness = 1;
   double wake = 0;     // the next timer that is set
 };
 
@@ -85,7 +99,7 @@ class Simulation {
 
   Outcome run() {
     for (std::uint32_t i = 0; i < s_.hosts; ++i) at(dice_.real() * 0.05, [this] { join(); });
-    for (const Scenario::Event& e : s_.events) at(e.at, [this, e] { happen(e.kind); });
+    for (const Scenario::Event& e : s_.events) at(e.at, [this, e] { happen(e); });
     pump(*nodes_[0]);
     while (!events_.empty() && !manager_.finished() && now_ < kEndOfTime && out_.error.empty() &&
            !stopped_)
@@ -122,8 +136,7 @@ class Simulation {
     j.spp = s_.spp;
     j.seed = s_.seed;
     for (std::uint32_t p = 0; p < s_.scene.parts; ++p)
-      j.parts.push_back(
-          {p == 0 ? 10 : kPartBytes + mix64(s_.seed + p) % 20, Vec3(static_cast<float>(p)), {}});
+      j.parts.push_back({part_bytes(s_, p), Vec3(static_cast<float>(p)), {}});
     j.start.set_job(s_.seed + 1);
     j.start.set_part_count(s_.scene.parts);
     j.start.set_width(s_.scene.width);
@@ -168,6 +181,7 @@ class Simulation {
     hello.set_threads(s_.threads);
     hello.set_memory(s_.memory);
     hello.set_path_credits(s_.worker.path_credits);
+    hello.set_paging_credits(s_.worker.paging_credits);
     hello.set_incarnation(incarnation_of(HostId(static_cast<std::uint32_t>(nodes_.size()))));
     const auto id = manager_.join(hello, now_);
     if (!id) {
@@ -179,15 +193,23 @@ class Simulation {
     WorkerOptions options = s_.worker;
     options.threads = s_.threads;
     node->core = std::make_unique<WorkerCore>(*id, incarnation_of(*id), options);
-    node->loader = std::make_unique<Loader>(s_.scene);
+    node->loader = std::make_unique<Loader>(s_);
+    node->slowness = std::pow(s_.unevenness, dice_.real());
     node->wake = kEndOfTime * 2;
     nodes_.push_back(std::move(node));
     pump(*nodes_.back());
     pump(*nodes_[0]);
   }
-  void happen(Scenario::Event::Kind kind) {
+  void happen(const Scenario::Event& event) {
     using Kind = Scenario::Event::Kind;
+    const Kind kind = event.kind;
     if (kind == Kind::join) return join();
+    if (kind == Kind::cut) return cut(event.seconds);
+    if (kind == Kind::cancel) {
+      manager_.cancel("asked to", now_);
+      cancelled_ = true;
+      return pump(*nodes_[0]);
+    }
     std::vector<Node*> up;
     for (auto& n : nodes_)
       if (n->core && n->alive && !n->going) up.push_back(n.get());
@@ -206,6 +228,36 @@ class Simulation {
     });
   }
 
+  // A link that stays cut costs one of the two hosts its place: neither is struck by anything else.
+  void cut(double seconds) {
+    std::vector<Node*> up;
+    for (auto& n : nodes_)
+      if (n->core && n->alive && !n->going) up.push_back(n.get());
+    if (up.size() < 2) return;
+    std::swap(up[0], up[dice_.below(up.size())]);
+    std::swap(up[1], up[1 + dice_.below(up.size() - 1)]);
+    if (seconds == 0) up[0]->going = up[1]->going = true;
+    const std::pair link = std::minmax(up[0]->id, up[1]->id);
+    cut_.insert(link);
+    ++out_.cut;
+    attempt(link, seconds == 0 ? kEndOfTime * 2 : now_ + seconds);
+  }
+  // Both sides try to reach each other, as drivers do.
+  void attempt(std::pair<HostId, HostId> link, double until) {
+    const bool whole = now_ >= until;
+    if (whole) cut_.erase(link);
+    for (const auto& [from, to] : {link, std::pair(link.second, link.first)}) {
+      Node& n = *nodes_[from.value];
+      if (!n.alive || n.gone.contains(to)) continue;
+      if (whole)
+        n.core->peer_reachable(to);
+      else
+        n.core->peer_unreachable(to);
+      pump(n);
+    }
+    if (!whole) at(std::min(until, now_ + 0.2), [this, link, until] { attempt(link, until); });
+  }
+
   // ---- everything that follows from a change in a node ----
   void pump(Node& n) {
     if (!n.alive) return;
@@ -217,8 +269,10 @@ class Simulation {
       out_.most_segments = std::max(out_.most_segments, segments);
     } else {
       write_journal();
-      for (auto& [to, m] : manager_.take_outbox())
+      for (auto& [to, m] : manager_.take_outbox()) {
+        if (std::holds_alternative<wire::CancelTask>(m)) ++out_.cancelled;
         if (!std::holds_alternative<wire::Welcome>(m)) send(n, to, m);
+      }
       for (const HostId h : manager_.take_gone()) {
         n.links.erase(h);
         n.gone.insert(h);
@@ -228,6 +282,9 @@ class Simulation {
     for (auto& [to, link] : n.links) {
       while (auto frame = link.next(now_)) transmit(n.id, to, *frame);
       wake = std::min(wake, link.deadline());
+      // Nobody listens any more to a host that was given up; its driver would be told so.
+      if (to != kManager || !nodes_[0]->gone.contains(n.id))
+        out_.most_frames = std::max(out_.most_frames, link.queued());
     }
     if (wake < n.wake) {
       n.wake = wake;
@@ -249,7 +306,8 @@ class Simulation {
       if (!work) break;
       ++n.busy;
       const double t =
-          s_.seconds_per_segment * static_cast<double>(work->segments() + 1) * (0.5 + dice_.real());
+          s_.seconds_per_segment * n.slowness * static_cast<double>(work->segments() + 1) *
+          (0.5 + dice_.real());
       auto held = std::make_shared<Work>(std::move(*work));
       at(now_ + t, [this, &n, held] {
         if (!n.alive) return;
@@ -307,7 +365,7 @@ class Simulation {
   void transmit(HostId from, HostId to, const Link::Frame& frame) {
     ++out_.frames;
     for (int copies = dice_.chance(s_.doubling) ? 2 : 1; copies > 0; --copies) {
-      if (dice_.chance(s_.loss)) continue;
+      if (dice_.chance(s_.loss) || cut_.contains(std::minmax(from, to))) continue;
       at(now_ + s_.delay + s_.jitter * dice_.real(),
          [this, from, to, frame] { arrive(from, to, frame); });
     }
@@ -335,31 +393,65 @@ class Simulation {
                   std::to_string(manager_.progress().paths_total) + " paths, phase " +
                   std::to_string(static_cast<int>(manager_.phase())) + state());
     if (manager_.phase() == ManagerCore::Phase::failed) return fail(manager_.error());
-    const auto expected = reference(s_);
-    const auto got = manager_.film().sums();
-    for (std::size_t i = 0; i < expected.size(); ++i)
-      if (expected[i].count != got[i].count || expected[i].sum != got[i].sum)
-        return fail("pixel " + std::to_string(i) + " differs");
+    check_film();
     const auto p = manager_.progress();
-    if (p.paths_done != p.paths_total) return fail("paths were lost or counted twice");
+    if (!cancelled_ && p.paths_done != p.paths_total)
+      return fail("paths were lost or counted twice");
     write_journal();
-    ManagerCore again(manager_options(journal_), job());
-    CheckpointReader reader(journal_, *header_of(journal_));
-    while (const auto tile = reader.next()) (void)again.restore(*tile);
-    if (!again.finished()) return fail("the journal does not have everything");
+    check_journal();
     // A path waits at one host, and while it moves at two.
-    const std::uint64_t hosts = nodes_.size() - 1, bound = 2 * hosts * s_.worker.path_credits;
+    const std::uint64_t hosts = nodes_.size() - 1, bound = 2 * hosts * std::max(s_.worker.path_credits, s_.worker.paging_credits);
     if (out_.most_segments > bound)
       return fail("a host held " + std::to_string(out_.most_segments) + " segments");
+    // Frames for a host that does not answer: what its paths can say to it in the time until it is
+    // given up, orders, and a report of every part.
+    if (out_.most_frames > 2 * bound + kOrders + 2 * s_.scene.parts)
+      return fail("a host kept " + std::to_string(out_.most_frames) + " frames for another");
     for (const auto& n : nodes_)
       if (n->core && n->alive && manager_.hosts().at(n->id).last.final()) check_empty(*n);
+    for (const auto& n : nodes_)
+      if (n->loader) out_.unloaded += n->loader->unloaded;
     for (const auto& [id, report] : manager_.hosts()) {
+      out_.paged_in += report.last.counters().paged_in();
       out_.moved += report.last.counters().moved();
       out_.asked += report.last.counters().shadow_asked();
       out_.wasted += report.last.counters().wasted_paths();
       out_.dropped += report.last.counters().dropped_messages();
     }
     out_.generations = p.generation;
+  }
+  // Of every pixel exactly the samples that the manager says it has, each once.
+  void check_film() {
+    const auto paths = reference(s_);
+    std::vector<PixelSums> expected(std::size_t{s_.scene.width} * s_.height);
+    std::uint64_t samples = 0;
+    for (std::size_t t = 0; t < manager_.tiles(); ++t) {
+      const auto tile = manager_.tile_sums(t);
+      if (!tile) continue;
+      for (std::uint32_t y = tile->y0; y < tile->y1; ++y)
+        for (std::uint32_t x = tile->x0; x < tile->x1; ++x)
+          for (const SampleRange& range : tile->samples)
+            for (std::uint32_t i = range.begin; i < range.end; ++i, ++samples) {
+              const std::size_t pixel = std::size_t{y} * s_.scene.width + x;
+              const PathEnd& e = paths[pixel * s_.spp + i];
+              if (!(e.flags & kEndInvalid)) expected[pixel].add(e.radiance, i);
+            }
+    }
+    if (samples != manager_.progress().paths_done) return fail("paths are counted wrongly");
+    const auto got = manager_.film().sums();
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      if (expected[i].count != got[i].count || expected[i].sum != got[i].sum)
+        return fail("pixel " + std::to_string(i) + " differs");
+  }
+  // It has all that the film has.
+  void check_journal() {
+    const auto made = header_of(journal_);
+    if (!made) return manager_.progress().paths_done == 0 ? void() : fail("there is no journal");
+    ManagerCore again(manager_options(journal_), job());
+    CheckpointReader reader(journal_, *made);
+    while (const auto tile = reader.next()) (void)again.restore(*tile);
+    if (again.progress().paths_done != manager_.progress().paths_done)
+      fail("the journal does not have everything");
   }
   // A host that has reported the end of its job holds nothing of it any more.
   void check_empty(const Node& n) {
@@ -391,70 +483,13 @@ class Simulation {
   std::priority_queue<Event> events_;
   std::uint64_t next_order_ = 0;
   double now_ = 0;
-  bool stopped_ = false;
+  bool stopped_ = false, cancelled_ = false;
+  std::set<std::pair<HostId, HostId>> cut_;
   Bytes journal_;
   Outcome out_;
 };
 
 }  // namespace
-
-Scenario random_scenario(std::uint64_t seed) {
-  Dice d(seed);
-  Scenario s;
-  s.seed = seed;
-  s.hosts = d.between(2, 9);
-  s.threads = d.between(1, 3);
-  s.scene.seed = d.bits();
-  s.scene.parts = d.between(1, 24);
-  s.scene.longest_list = d.between(1, 8);
-  if (d.chance(0.05)) {  // more candidates than a mask has bits
-    s.scene.parts = 300;
-    s.scene.longest_list = 150;
-  }
-  s.scene.width = d.between(4, 12);
-  s.scene.vertices = d.between(1, 6);
-  s.height = d.between(4, 12);
-  s.spp = d.between(1, 5);
-  s.replication = d.between(1, 2);
-  s.manager.tile = 8;
-  s.manager.round_samples = d.between(1, 4);
-  s.manager.heartbeat_s = 0.1;
-  s.manager.lost_after_s = 1.5;
-  s.worker.status_every_s = 0.1;
-  s.worker.retry_s = 0.02;
-  s.worker.path_credits = d.between(1, 300);
-  s.worker.camera_batch = d.between(1, 100);
-  s.worker.trace_batch = d.between(1, 200);
-  s.worker.small_batch = d.between(1, 50);
-  s.worker.low_mark = d.between(1, 400);
-  s.worker.block_segments = d.between(1, 60);
-  if (d.chance(0.15)) {  // room for two blocks only
-    s.worker.block_segments = d.between(1, 4);
-    s.worker.path_credits = s.worker.low_mark = 2 * s.worker.block_segments;
-  }
-  s.worker.block_age_s = 0.005;
-  s.delay = 0.002 * d.real();
-  s.jitter = d.chance(0.5) ? 0.01 * d.real() : 0;
-  if (d.chance(0.6)) {
-    s.loss = 0.1 * d.real();
-    s.doubling = 0.1 * d.real();
-  }
-  std::uint32_t least = s.hosts;  // hosts that remain
-  if (d.chance(0.5)) {
-    using Kind = Scenario::Event::Kind;
-    for (std::uint32_t i = d.between(1, 3); i > 0; --i) {
-      const Kind kind = static_cast<Kind>(d.below(5));
-      if (kind != Kind::join && least > 1) --least;
-      s.events.push_back({kind, 0.05 + 0.6 * d.real() * d.real()});
-    }
-  }
-  // Enough for all that must be held by the hosts that remain, and rarely for everything
-  // everywhere.
-  if (d.chance(0.25)) s.restart_at = 0.03 + 0.3 * d.real() * d.real();
-  const std::uint64_t all = s.scene.parts * (kPartBytes + 20) * std::min(s.replication, least);
-  s.memory = d.chance(0.2) ? 100'000 : 10 + all * 13 / 10 / least + 3 * (kPartBytes + 20);
-  return s;
-}
 
 Outcome run(const Scenario& s) {
   if (s.restart_at == 0) return Simulation(s).run();

@@ -19,6 +19,8 @@
 
 namespace cloudrenderer::sim {
 
+inline constexpr std::uint64_t kPartBytes = 100;  // a part has up to a fifth more
+
 class Dice {
  public:
   explicit Dice(std::uint64_t seed) : state_(mix64(seed + 0x1234567)) {}
@@ -46,9 +48,12 @@ struct Scenario {
   ManagerOptions manager;
   double loss = 0, doubling = 0, delay = 0.001, jitter = 0;
   double seconds_per_segment = 1e-5;
+  double unevenness = 1;  // the fastest host's speed over the slowest's, at most
   struct Event {
-    enum class Kind { kill, kill_silently, declare_lost, leave, join } kind;
+    // cut: two hosts that live do not reach each other for `seconds` (0: for ever). cancel: the job.
+    enum class Kind { kill, kill_silently, declare_lost, leave, join, cut, cancel } kind;
     double at;
+    double seconds = 0;
   };
   std::vector<Event> events;
   // The manager dies with all hosts, and another cluster goes on from the journal; 0: never.
@@ -60,6 +65,11 @@ struct Outcome {
   std::string error;              // "": all is as it must be
   double seconds = 0;             // virtual
   std::size_t most_segments = 0;  // waiting in one host
+  std::uint64_t paged_in = 0;
+  std::size_t most_frames = 0;    // that one host keeps for another
+  std::uint64_t cancelled = 0;    // second copies of renderer tasks that were not needed
+  std::uint64_t unloaded = 0;     // parts, in the middle of a job
+  std::uint64_t cut = 0;          // links between hosts that lived on
   std::uint64_t frames = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
   std::uint32_t generations = 0;
   std::uint64_t restored = 0;  // paths, from the journal

@@ -55,21 +55,33 @@ class MadeUpEngine final : public PathEngine {
   void route(SegmentBatch& batch) const override { trace(batch); }
 
   void shade(SegmentBatch& batch, ShadeOutput& out) const override {
-    for (std::size_t i = 0; i < batch.size(); ++i) shade_one(batch.segments[i], batch.hits[i], out);
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      const std::uint32_t part = batch.hits[i].part;
+      if (part == 0xffffffffu || resident.contains(part)) {
+        shade_one(batch.segments[i], batch.hits[i], out);
+        continue;
+      }
+      out.absent.segments.push_back(batch.segments[i]);
+      out.absent.hits.push_back(batch.hits[i]);
+      out.absent.next.emplace_back(part);
+    }
   }
 
-  void occluded(std::span<const OcclusionRay> rays,
-                std::span<std::uint8_t> blocked) const override {
+  std::vector<bool> occluded(std::span<const OcclusionRay> rays,
+                             std::span<std::uint8_t> blocked) const override {
     for (std::size_t i = 0; i < rays.size(); ++i) {
       blocked[i] = 0;
       for (const Candidate& c : candidates(key_of(rays[i])))
         if (resident.contains(c.part) && blocks(key_of(rays[i]), c.part)) blocked[i] = 1;
     }
+    std::vector<bool> tested(scene_.parts);
+    for (const std::uint32_t p : resident) tested[p] = true;
+    return tested;
   }
   std::uint32_t film_width() const override { return scene_.width; }
 
  private:
-  static constexpr std::uint16_t kMainDone = 0x100;
+  static constexpr std::uint16_t kMainDone = kMainTested;
   struct Candidate {
     float t_enter;
     std::uint32_t part;
@@ -139,8 +151,9 @@ class MadeUpEngine final : public PathEngine {
     for (std::size_t i = first; i < first + 64 && nearer(i); ++i) {
       if (s.tested >> (i - first) & 1u) continue;
       next = PartId(list[i].part);
-      break;
+      return;
     }
+    if (hit.part != 0xffffffffu && !resident.contains(hit.part)) next = PartId(hit.part);
   }
 
   void shade_one(const PathSegment& s, const Hit& hit, ShadeOutput& out) const {

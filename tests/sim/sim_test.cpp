@@ -2,6 +2,7 @@
 // and CLOUDRENDERER_SIM_SEEDS=100000 that many from CLOUDRENDERER_SIM_FIRST (default 0) on.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <iostream>
 #include <string>
@@ -38,16 +39,31 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
     total.wasted += o.wasted;
     total.seconds += o.seconds;
     total.restored += o.restored;
+    total.paged_in += o.paged_in;
     total.generations += o.generations > 1 ? 1 : 0;
+    total.cancelled += o.cancelled;
+    total.unloaded += o.unloaded;
+    total.cut += o.cut;
+    total.most_segments = std::max(total.most_segments, o.most_segments);
+    total.most_frames = std::max(total.most_frames, o.most_frames);
   }
   // The runs did what they are for.
   EXPECT_GT(total.moved, seeds);
   EXPECT_GT(total.asked, seeds);
   EXPECT_GT(total.generations, seeds / 20);
   EXPECT_GT(total.restored, seeds);
+  EXPECT_GT(total.paged_in, seeds);
+  EXPECT_GT(total.cancelled, seeds / 2);
+  EXPECT_GT(total.unloaded, seeds / 20);
+  EXPECT_GT(total.cut, seeds / 20);
   std::cout << seeds << " seeds, " << total.seconds << " virtual seconds, " << total.frames
             << " frames, " << total.moved << " moves, " << total.asked << " asks, " << total.wasted
-            << " wasted paths, hosts lost in " << total.generations << " runs, " << total.restored << " paths restored\n";
+            << " wasted paths, hosts lost in " << total.generations << " runs, " << total.restored
+            << " paths restored, " << total.cancelled << " second copies cancelled, "
+            << total.unloaded << " parts unloaded, " << total.cut << " links cut, "
+            << total.paged_in << " parts paged in; at most "
+            << total.most_segments << " segments in a host, " << total.most_frames
+            << " frames for one\n";
 }
 
 INSTANTIATE_TEST_SUITE_P(Cluster, Shard, testing::Values(0, 1, 2, 3));
