@@ -102,6 +102,26 @@ TEST(SampleSequence, ConvergesFasterThanIndependentNumbers) {
   EXPECT_LT(error(Kind::sobol) * 50, error(Kind::independent));
 }
 
+TEST(SampleSequence, EightAtOnceAreTheNumbersOfEach) {
+  std::mt19937 rng(11);
+  for (const auto kind : {Kind::sobol, Kind::independent}) {
+    for (int round = 0; round < 200; ++round) {
+      SampleSequence::Eight eight;
+      std::array<std::uint32_t, kLanes> dimension;
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        eight[i] = SampleSequence(kind, 7, static_cast<std::uint32_t>(rng()), static_cast<std::uint32_t>(rng() % 5000));
+        dimension[i] = static_cast<std::uint32_t>(rng() % 20);
+      }
+      const auto pairs = SampleSequence::get_pairs(eight, dimension);
+      const Vec2x8 single = SampleSequence::get_2d(eight, 3);
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        ASSERT_EQ(lanes::get(single, i), eight[i].get_2d(3));
+        for (std::size_t k = 0; k < 4; ++k) ASSERT_EQ(lanes::get(pairs[k], i), eight[i].get_pairs(dimension[i])[k]);
+      }
+    }
+  }
+}
+
 TEST(Distribution1D, DensityIntegratesToOneAndSamplesFollowIt) {
   const std::vector<float> values{0, 1, 3, 0, 4};
   const Distribution1D d(values);

@@ -130,6 +130,31 @@ TEST(EnvironmentCamera, SeesAllDirections) {
   expect_near(c->ray({17, 100}, {}).direction, {0, -1, 0});
 }
 
+TEST(Camera, EightRaysHaveTheBitsOfEach) {
+  const Transform tilted(glm::rotate(Mat4(1.f), 0.7f, Vec3(1, 2, 3)) * glm::translate(Mat4(1.f), Vec3(1, 5, -2)));
+  const std::vector<Param> with_lens = {reals("lensradius", {0.3f}), reals("focaldistance", {4})};
+  for (const auto& [type, params] : {std::pair<std::string, std::vector<Param>>{"perspective", {}},
+                                     {"perspective", with_lens}, {"orthographic", with_lens}, {"environment", {}}}) {
+    const auto c = camera(type, params, frame(640, 480), tilted);
+    Vec2x8 film, lens;
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const auto x = static_cast<float>(i);
+      film.x.v[i] = 70.3f * x;
+      film.y.v[i] = 11.f + 55.7f * x;
+      lens.x.v[i] = i == 2 ? 0.5f : 0.11f * x;  // the middle of the lens
+      lens.y.v[i] = i == 2 ? 0.5f : 0.97f - 0.1f * x;
+    }
+    const CameraRay8 eight = c->ray8(film, lens);
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const CameraRay one = c->ray(lanes::get(film, i), lanes::get(lens, i));
+      EXPECT_EQ(one.origin, lanes::get(eight.origin, i)) << type;
+      EXPECT_EQ(one.direction, lanes::get(eight.direction, i)) << type;
+      EXPECT_EQ(one.cone_spread, lanes::get(eight.cone_spread, i)) << type;
+      EXPECT_EQ(one.cone_width, lanes::get(eight.cone_width, i)) << type;
+    }
+  }
+}
+
 TEST(Camera, AcceptsWhatChangesNothing) {
   camera("perspective",
          {reals("hither", {0.1f}), reals("yon", {100}), reals("shutteropen", {0}),

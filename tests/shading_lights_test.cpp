@@ -255,7 +255,7 @@ TEST(InfiniteLights, MapSamplesAgreeWithUniformOnes) {
     constexpr int kSide = 700;
     for (int y = 0; y < kSide; ++y)
       for (int x = 0; x < kSide; ++x) {
-        const Vec3 d = sample_uniform_sphere(
+        const Vec3 d = sample_uniform_sphere<float>(
             {(static_cast<float>(x) + 0.5f) / kSide, (static_cast<float>(y) + 0.5f) / kSide});
         sum += glm::dvec3(lights->escaped(d) * std::max(0.f, glm::dot(n, d)));
       }

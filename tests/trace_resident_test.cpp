@@ -128,34 +128,48 @@ TEST(Resident, FormsOfTheBvhFindTheSameBits) {
   }
 }
 
-TEST(Resident, PacketsFindTheSameBitsAsSingleRays) {
+// In every form of the BVH, and with what is known of other parts: the surface is one part, or three.
+void expect_packets_like_single_rays(BvhForm form, std::uint32_t parts) {
   prepare_compute_thread();
   const std::uint32_t n = 60;
-  Resident resident({});
-  resident.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)));
-  const auto set = resident.snapshot();
+  Resident whole({}), cut({});
+  whole.load_part(PartId{1}, as_part(terrain(n, 1, 0, false)));
+  for (std::uint32_t k = 0; k < parts; ++k) cut.load_part(PartId{k + 1}, as_part(terrain(n, parts, k, k == 1)), form);
+  const auto a = whole.snapshot(), b = cut.snapshot();
   const std::vector<TraceRay> rays = rays_at_terrain(n);
   for (std::size_t i = 0; i + 8 <= rays.size(); i += 8) {
-    std::array<const TraceRay*, 8> p;
-    std::array<Hit, 8> single, packet;
-    std::array<Hit*, 8> h;
+    std::array<Hit, 8> single, packet, coherent;
+    RayPacket p;
     for (std::size_t k = 0; k < 8; ++k) {
-      p[k] = &rays[i + k];
-      h[k] = &packet[k];
-      set->intersect(1, rays[i + k], single[k]);
+      lanes::put(p.origin, k, rays[i + k].origin);
+      lanes::put(p.direction, k, rays[i + k].direction);
+      lanes::put(p.t_max, k, rays[i + k].t_max);
+      a->intersect(1, rays[i + k], single[k]);
     }
     const auto active = static_cast<std::uint32_t>(0xff & ~(i / 8 % 256)) | 1u;
-    set->intersect8(1, p.data(), h.data(), active);
-    const std::uint32_t blocked = set->occluded8(1, p.data(), active);
+    std::uint32_t blocked = 0;
+    for (std::uint32_t part = 1; part <= parts; ++part) {
+      b->intersect8(part, p, active, Coherence::any, packet.data());
+      b->intersect8(parts + 1 - part, p, active, Coherence::alike, coherent.data());
+      blocked |= b->occluded8(part, p, active);
+    }
     for (std::size_t k = 0; k < 8; ++k) {
       if (!(active >> k & 1u)) {
         ASSERT_EQ(packet[k].part, kNone);
         continue;
       }
       expect_same(single[k], packet[k]);
+      expect_same(single[k], coherent[k]);
       ASSERT_EQ(blocked >> k & 1u, single[k].part != kNone ? 1u : 0u);
     }
   }
+}
+
+TEST(Resident, PacketsFindTheSameBitsAsSingleRays) { expect_packets_like_single_rays(BvhForm::fast, 1); }
+TEST(Resident, PacketsFindTheSameBitsInEveryFormOfTheBvh) { expect_packets_like_single_rays(BvhForm::passing, 1); }
+TEST(Resident, PacketsFindTheSameBitsInSplitSurfaces) {
+  expect_packets_like_single_rays(BvhForm::fast, 3);
+  expect_packets_like_single_rays(BvhForm::passing, 3);
 }
 
 TEST(Resident, InstancesAndQuadricsReportGlobalIds) {
@@ -221,12 +235,12 @@ TEST(Resident, CountsBytesAndForgetsUnloadedParts) {
 
 TEST(Traceable, RefusesWhatWouldStopEmbree) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_TRUE(traceable({1, 2, 3}, {0, 0, 1}));
-  EXPECT_FALSE(traceable({nan, 2, 3}, {0, 0, 1}));
-  EXPECT_FALSE(traceable({1, 2, 3}, {0, nan, 1}));
-  EXPECT_FALSE(traceable({1, 2, 3}, {0, 0, 0}));
-  EXPECT_FALSE(traceable({1e19f, 2, 3}, {0, 0, 1}));
-  EXPECT_FALSE(traceable({1, 2, 3}, {0, kInfinity, 1}));
+  EXPECT_TRUE(traceable<float>({1, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable<float>({nan, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable<float>({1, 2, 3}, {0, nan, 1}));
+  EXPECT_FALSE(traceable<float>({1, 2, 3}, {0, 0, 0}));
+  EXPECT_FALSE(traceable<float>({1e19f, 2, 3}, {0, 0, 1}));
+  EXPECT_FALSE(traceable<float>({1, 2, 3}, {0, kInfinity, 1}));
 }
 
 }  // namespace

@@ -92,23 +92,29 @@ struct Bounds3 {
 };
 
 // Two unit vectors orthogonal to the unit vector n (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
-inline void orthonormal_basis(const Vec3& n, Vec3& s, Vec3& t) {
-  const float sign = std::copysign(1.f, n.z);
-  const float a = -1.f / (sign + n.z);
-  const float b = n.x * n.y * a;
+// T: float, or lanes of them.
+template <class T>
+void orthonormal_basis(const glm::vec<3, T>& n, glm::vec<3, T>& s, glm::vec<3, T>& t) {
+  using std::copysign;
+  const T sign = copysign(T(1.f), n.z);
+  const T a = -1.f / (sign + n.z);
+  const T b = n.x * n.y * a;
   s = {1.f + sign * n.x * n.x * a, sign * b, -sign * n.x};
   t = {b, sign + n.y * n.y * a, -n.y};
 }
 
 // An orthonormal frame with z = n.
-struct Frame {
-  Vec3 s{1, 0, 0}, t{0, 1, 0}, n{0, 0, 1};
+template <class T>
+struct FrameOf {
+  using Vector = glm::vec<3, T>;
+  Vector s{1, 0, 0}, t{0, 1, 0}, n{0, 0, 1};
 
-  Frame() = default;
-  explicit Frame(const Vec3& normal) : n(normal) { orthonormal_basis(n, s, t); }
-  Frame(const Vec3& s_, const Vec3& t_, const Vec3& n_) : s(s_), t(t_), n(n_) {}
-  Vec3 to_local(const Vec3& v) const { return {glm::dot(v, s), glm::dot(v, t), glm::dot(v, n)}; }
-  Vec3 to_world(const Vec3& v) const { return s * v.x + t * v.y + n * v.z; }
+  FrameOf() = default;
+  explicit FrameOf(const Vector& normal) : n(normal) { orthonormal_basis(n, s, t); }
+  FrameOf(const Vector& s_, const Vector& t_, const Vector& n_) : s(s_), t(t_), n(n_) {}
+  Vector to_local(const Vector& v) const { return {glm::dot(v, s), glm::dot(v, t), glm::dot(v, n)}; }
+  Vector to_world(const Vector& v) const { return s * v.x + t * v.y + n * v.z; }
 };
+using Frame = FrameOf<float>;
 
 }  // namespace cloudrenderer

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstdint>
 
+#include "base/lanes.h"
 #include "cloudrenderer/math.h"
 
 namespace cloudrenderer::portable {
@@ -89,25 +90,27 @@ inline void sincos(float x, float& s, float& c) {
 }
 // sin and cos for |r| <= pi/4, absolute error below 1e-7: enough for directions, and half the time
 // of sincos.
-inline void sincos_eighth(float r, float& s, float& c) {
-  const float z = r * r;
-  const float z2 = z * z;
-  s = std::fma(
-      r * z, std::fma(z2, std::fma(z, 1.f / 362880, -1.f / 5040), std::fma(z, 1.f / 120, -1.f / 6)),
-      r);
-  c = std::fma(z, std::fma(z2, std::fma(z, 1.f / 40320, -1.f / 720), std::fma(z, 1.f / 24, -0.5f)),
-               1.f);
+template <class F>
+void sincos_eighth(F r, F& s, F& c) {
+  using lanes::fma;
+  const F z = r * r;
+  const F z2 = z * z;
+  s = fma(r * z, fma(z2, fma(z, 1.f / 362880, -1.f / 5040), fma(z, 1.f / 120, -1.f / 6)), r);
+  c = fma(z, fma(z2, fma(z, 1.f / 40320, -1.f / 720), fma(z, 1.f / 24, -0.5f)), 1.f);
 }
 // Of 2 pi x, x in [0, 1]. The reduction is exact.
-inline void sincos_turn(float x, float& s, float& c) {
-  const float quarter = std::nearbyint(4.f * x);
-  float a, b;
+template <class F>
+void sincos_turn(F x, F& s, F& c) {
+  using lanes::has_bits, lanes::select;
+  const F quarter = lanes::nearbyint(4.f * x);
+  F a, b;
   sincos_eighth((x - 0.25f * quarter) * (2.f * kPi), a, b);
-  const int q = static_cast<int>(quarter) & 3;
-  s = q & 1 ? b : a;
-  c = q & 1 ? a : b;
-  if (q & 2) s = -s;
-  if (q == 1 || q == 2) c = -c;
+  const IntOf<F> q = lanes::to_int(quarter);
+  const MaskOf<F> odd = has_bits(q, 1);
+  s = select(odd, b, a);
+  c = select(odd, a, b);
+  s = select(has_bits(q, 2), -s, s);
+  c = select(has_bits(q + 1, 2), -c, c);
 }
 
 inline float sin(float x) {

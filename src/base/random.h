@@ -1,9 +1,10 @@
 #pragma once
 // Every random number is a pure function of (seed, pixel, sample, dimension).
+#include <array>
 #include <cstdint>
-#include <cstring>
+#include <type_traits>
 
-#include "cloudrenderer/math.h"
+#include "base/lanes.h"
 
 namespace cloudrenderer {
 
@@ -48,21 +49,34 @@ constexpr T sobol1_reversed(T i) {
   return i;
 }
 
-// Eight numbers that are computed together, on any processor (a vector type of GCC and Clang).
-using Bits8 = std::uint32_t __attribute__((vector_size(32)));
-
 inline Bits8 reverse_bits(Bits8 x) {
-  x = (x << 16) | (x >> 16);
-  x = ((x & 0x00ff00ffu) << 8) | ((x >> 8) & 0x00ff00ffu);
-  x = ((x & 0x0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0fu);
-  x = ((x & 0x33333333u) << 2) | ((x >> 2) & 0x33333333u);
-  return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
+  // Bytes turned round, and in each the two halves by a table of sixteen.
+  const __m256i bytes = _mm256_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12, 3, 2, 1, 0, 7, 6, 5, 4, 11, 10,
+                                         9, 8, 15, 14, 13, 12);
+  const __m256i low = _mm256_setr_epi8(0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15, 0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5,
+                                       13, 3, 11, 7, 15);
+  const __m256i half = _mm256_set1_epi8(15), turned = _mm256_shuffle_epi8(reinterpret_cast<__m256i>(x), bytes);
+  const __m256i high = _mm256_slli_epi16(_mm256_shuffle_epi8(low, _mm256_and_si256(turned, half)), 4);
+  const __m256i rest = _mm256_shuffle_epi8(low, _mm256_and_si256(_mm256_srli_epi16(turned, 4), half));
+  return reinterpret_cast<Bits8>(_mm256_or_si256(high, rest));
 }
 // A 32-bit finaliser of low bias (Wellons 2018, "Prospecting for Hash Functions").
 inline Bits8 mix32(Bits8 x) {
   x = (x ^ (x >> 16)) * 0x7feb352du;
   x = (x ^ (x >> 15)) * 0x846ca68bu;
   return x ^ (x >> 16);
+}
+
+inline Float8 to_unit(Bits8 bits) { return lanes::to_float(lanes::as_signed(bits >> 8)) * 0x1p-24f; }
+
+// A pair of the sequence, from the index with its bits reversed. T: a number, or lanes of them.
+template <class T>
+auto sobol_pair(T index_reversed, T shuffle, T scramble_x, T scramble_y) {
+  // Shuffling the index by an Owen scramble in reversed space and then reversing gives the radical inverse's bits.
+  const T shuffled = reverse_bits(owen_hash_reversed(index_reversed, shuffle));
+  const auto x = to_unit(reverse_bits(owen_hash_reversed(shuffled, scramble_x)));
+  const auto y = to_unit(reverse_bits(owen_hash_reversed(sobol1_reversed(shuffled), scramble_y)));
+  return glm::vec<2, std::remove_const_t<decltype(x)>>(x, y);
 }
 
 // The random numbers of one sample: an Owen-scrambled Sobol (0,2)-sequence per pair of dimensions, each pair with its
@@ -72,22 +86,19 @@ class SampleSequence {
  public:
   enum class Kind : std::uint8_t { sobol, independent };
 
+  SampleSequence() = default;
   SampleSequence(Kind kind, std::uint32_t seed, std::uint32_t pixel, std::uint32_t sample)
       : key_(mix64((std::uint64_t{seed} << 32 | pixel) * 2 + (sample & 1) + 0x9e3779b97f4a7c15u)),
         index_(sample >> 1), kind_(kind) {}
 
   Vec2 get_2d(std::uint32_t dimension) const {
-    const std::uint64_t h = mix64(key_ + std::uint64_t{dimension} * 0xd1342543de82ef95u);
+    const std::uint64_t h = pair_hash(dimension);
     const auto lo = static_cast<std::uint32_t>(h), hi = static_cast<std::uint32_t>(h >> 32);
     if (kind_ == Kind::independent) {
       const std::uint64_t r = mix64(h ^ index_);
       return {to_unit(static_cast<std::uint32_t>(r >> 32)), to_unit(static_cast<std::uint32_t>(r))};
     }
-    // Shuffling the index by an Owen scramble in reversed space and then reversing gives the radical inverse's bits.
-    const std::uint32_t shuffled = reverse_bits(owen_hash_reversed(reverse_bits(index_), lo));
-    const std::uint32_t x = owen_hash_reversed(shuffled, hi);
-    const std::uint32_t y = owen_hash_reversed(sobol1_reversed(shuffled), hi * 0x9e3779b9u ^ lo);
-    return {to_unit(reverse_bits(x)), to_unit(reverse_bits(y))};
+    return sobol_pair(reverse_bits(index_), lo, hi, hi * 0x9e3779b9u ^ lo);
   }
 
   // Four pairs at once for about the price of one; other numbers than get_2d's. `dimension` counts groups of four.
@@ -96,7 +107,7 @@ class SampleSequence {
     Vec2 operator[](std::size_t i) const { return {numbers[i], numbers[4 + i]}; }
   };
   Pairs get_pairs(std::uint32_t dimension) const {
-    const std::uint64_t h = mix64(key_ + 0x632be59bd9b4e019u + std::uint64_t{dimension} * 0xd1342543de82ef95u);
+    const std::uint64_t h = group_hash(dimension);
     const auto lo = static_cast<std::uint32_t>(h), hi = static_cast<std::uint32_t>(h >> 32);
     constexpr Bits8 kLane = {0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u};
     const Bits8 scramble = mix32(hi + kLane * 0x9e3779b9u);
@@ -111,18 +122,69 @@ class SampleSequence {
       bits = reverse_bits(owen_hash_reversed(
           __builtin_shufflevector(shuffled, second, 0, 1, 2, 3, 12, 13, 14, 15), scramble));
     }
-    using Ints8 = std::int32_t __attribute__((vector_size(32)));
-    using Floats8 = float __attribute__((vector_size(32)));
-    const Floats8 unit = __builtin_convertvector(reinterpret_cast<Ints8>(bits >> 8), Floats8) * 0x1p-24f;
     Pairs out;
-    std::memcpy(out.numbers, &unit, sizeof unit);
+    to_unit(bits).store(out.numbers);
+    return out;
+  }
+
+  // Of eight samples, each lane as the above.
+  using Eight = std::array<SampleSequence, kLanes>;
+  static Vec2x8 get_2d(const Eight& of, std::uint32_t dimension) {
+    if (of[0].kind_ == Kind::independent) {
+      Columns<2> out;
+      for (std::size_t i = 0; i < kLanes; ++i) out.put(0, i, of[i].get_2d(dimension));
+      return out.two(0);
+    }
+    const Hashes8 h(of, [&](std::size_t i) { return of[i].pair_hash(dimension); });
+    return sobol_pair(h.index_reversed, h.lo, h.hi, h.hi * 0x9e3779b9u ^ h.lo);
+  }
+  // dimension: of each lane.
+  static std::array<Vec2x8, 4> get_pairs(const Eight& of, const std::array<std::uint32_t, kLanes>& dimension) {
+    std::array<Vec2x8, 4> out;
+    if (of[0].kind_ == Kind::independent) {
+      std::array<Float8, 8> rows;
+      for (std::size_t i = 0; i < kLanes; ++i) rows[i] = Float8::load(of[i].get_pairs(dimension[i]).numbers);
+      lanes::transpose(rows);
+      for (std::size_t k = 0; k < 4; ++k) out[k] = {rows[k], rows[4 + k]};
+      return out;
+    }
+    const Hashes8 h(of, [&](std::size_t i) { return of[i].group_hash(dimension[i]); });
+    for (std::uint32_t k = 0; k < 4; ++k)
+      out[k] = sobol_pair(h.index_reversed, mix32(h.lo + k * 0x85ebca6bu), mix32(h.hi + k * 0x9e3779b9u),
+                          mix32(h.hi + (4 + k) * 0x9e3779b9u));
     return out;
   }
 
  private:
-  std::uint64_t key_;
-  std::uint32_t index_;
-  Kind kind_;
+  std::uint64_t pair_hash(std::uint32_t dimension) const {
+    return mix64(key_ + std::uint64_t{dimension} * 0xd1342543de82ef95u);
+  }
+  std::uint64_t group_hash(std::uint32_t dimension) const {
+    return mix64(key_ + 0x632be59bd9b4e019u + std::uint64_t{dimension} * 0xd1342543de82ef95u);
+  }
+  struct Hashes8 {
+    Bits8 lo, hi, index_reversed;
+    template <class Hash>
+    Hashes8(const Eight& of, Hash hash) {
+      alignas(32) std::uint32_t columns[3][kLanes];
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        const std::uint64_t h = hash(i);
+        columns[0][i] = static_cast<std::uint32_t>(h);
+        columns[1][i] = static_cast<std::uint32_t>(h >> 32);
+        columns[2][i] = of[i].index_;
+      }
+      const auto load = [](const std::uint32_t* c) {
+        return reinterpret_cast<Bits8>(_mm256_load_si256(reinterpret_cast<const __m256i*>(c)));
+      };
+      lo = load(columns[0]);
+      hi = load(columns[1]);
+      index_reversed = reverse_bits(load(columns[2]));
+    }
+  };
+
+  std::uint64_t key_ = 0;
+  std::uint32_t index_ = 0;
+  Kind kind_ = Kind::sobol;
 };
 
 }  // namespace cloudrenderer

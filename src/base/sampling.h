@@ -4,26 +4,22 @@
 #include <span>
 #include <vector>
 
+#include "base/lanes.h"
 #include "base/portable_math.h"
 #include "cloudrenderer/math.h"
 
 namespace cloudrenderer {
 
 // Concentric map of the unit square to the unit disk (Shirley and Chiu 1997). Density 1/pi.
-inline Vec2 sample_disk(const Vec2& u) {
-  const float a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
-  if (a == 0.f && b == 0.f) return {0.f, 0.f};
-  float r, phi, s, c;
-  if (a * a > b * b) {
-    r = a;
-    phi = (kPi / 4) * (b / a);
-    portable::sincos_eighth(phi, s, c);
-  } else {
-    r = b;
-    phi = (kPi / 4) * (a / b);
-    portable::sincos_eighth(phi, c, s);  // pi/2 - phi
-  }
-  return {r * c, r * s};
+template <class F>
+Vec2Of<F> sample_disk(const Vec2Of<F>& u) {
+  using lanes::select;
+  const F a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
+  const MaskOf<F> first = a * a > b * b;
+  const F r = select(first, a, b), other = select(first, b, a);
+  F s, c;
+  portable::sincos_eighth<F>(select(r != 0.f, (kPi / 4) * (other / r), F(0.f)), s, c);
+  return {r * select(first, c, s), r * select(first, s, c)};  // the angle, or pi/2 minus it
 }
 // Density cos(theta)/pi over the hemisphere around z.
 inline Vec3 sample_cosine_hemisphere(const Vec2& u) {
@@ -38,22 +34,19 @@ inline Vec3 sample_uniform_hemisphere(const Vec2& u) {
   return {r * c, r * s, z};
 }
 // Density 1/(4 pi).
-inline Vec3 sample_uniform_sphere(const Vec2& u) {
-  const float z = 1.f - 2.f * u.x, r = std::sqrt(std::max(0.f, 1.f - z * z));
-  float s, c;
-  portable::sincos_turn(u.y, s, c);
+template <class F>
+Vec3Of<F> sample_uniform_sphere(const Vec2Of<F>& u) {
+  const F z = 1.f - 2.f * u.x, r = lanes::sqrt(lanes::max(0.f, 1.f - z * z));
+  F s, c;
+  portable::sincos_turn<F>(u.y, s, c);
   return {r * c, r * s, z};
 }
 // Barycentrics (b0, b1) of a uniform point of a triangle (Heitz 2019, low distortion).
-inline Vec2 sample_triangle(Vec2 u) {
-  if (u.x < u.y) {
-    u.x *= 0.5f;
-    u.y -= u.x;
-  } else {
-    u.y *= 0.5f;
-    u.x -= u.y;
-  }
-  return u;
+template <class F>
+Vec2Of<F> sample_triangle(const Vec2Of<F>& u) {
+  const MaskOf<F> low = u.x < u.y;
+  const F x = 0.5f * u.x, y = 0.5f * u.y;
+  return {lanes::select(low, x, u.x - y), lanes::select(low, u.y - x, y)};
 }
 
 // A piecewise constant density over [0, 1). Non-negative values; all zero behaves as uniform.

@@ -12,8 +12,22 @@ namespace {
 // The affine map from raster positions to pbrt's screen window.
 struct Screen {
   float x = 0, y = 0, dx = 0, dy = 0;  // corner at raster (0, 0), step of one pixel
-  Vec2 at(const Vec2& film) const { return {x + film.x * dx, y + film.y * dy}; }
+  template <class F>
+  Vec2Of<F> at(const Vec2Of<F>& film) const {
+    return {x + film.x * dx, y + film.y * dy};
+  }
 };
+
+template <class F>
+Vec3Of<F> transformed(const Mat4& m, const Vec3Of<F>& v) {
+  const auto column = [&](int i) { return Vec3Of<F>(Vec3(m[i])); };
+  return column(0) * v.x + column(1) * v.y + column(2) * v.z;
+}
+// m is affine.
+template <class F>
+Vec3Of<F> transformed_point(const Mat4& m, const Vec3Of<F>& p) {
+  return transformed(m, p) + Vec3Of<F>(Vec3(m[3]));
+}
 
 struct Lens {
   float radius = 0, focal_distance = 1e6f;
@@ -28,22 +42,25 @@ class PerspectiveCamera final : public Camera {
         pixel_area_(std::fabs(image_plane.dx * image_plane.dy)),
         eye_(camera_to_world.point(Vec3(0.f))) {}
 
-  CameraRay ray(const Vec2& film, const Vec2& lens) const override {
-    CameraRay out;
-    Vec2 d = plane_.at(film);  // at z = 1
+  template <class F>
+  CameraRayOf<F> make_ray(const Vec2Of<F>& film, const Vec2Of<F>& lens) const {
+    CameraRayOf<F> out;
+    Vec2Of<F> d = plane_.at(film);  // at z = 1
     // cosine of the angle to the axis; a pixel has the solid angle area * cos^3
-    const float c = 1.f / std::sqrt(1.f + d.x * d.x + d.y * d.y);
-    out.cone_spread = std::sqrt(pixel_area_ * c * c * c);
-    out.origin = eye_;
+    const F c = 1.f / lanes::sqrt(1.f + d.x * d.x + d.y * d.y);
+    out.cone_spread = lanes::sqrt(pixel_area_ * c * c * c);
+    out.origin = Vec3Of<F>(eye_);
     if (lens_.radius > 0.f) {
-      const Vec2 l = lens_.radius * sample_disk(lens);
-      out.origin = to_world_.point({l.x, l.y, 0.f});
+      const Vec2Of<F> l = F(lens_.radius) * sample_disk<F>(lens);
+      out.origin = transformed_point<F>(to_world_.matrix(), {l.x, l.y, F(0.f)});
       // towards the point in focus, divided by its distance, which may be 1e30
-      d -= l / lens_.focal_distance;
+      d -= l / F(lens_.focal_distance);
     }
-    out.direction = glm::normalize(to_world_.vector({d.x, d.y, 1.f}));
+    out.direction = lanes::normalize(transformed<F>(to_world_.matrix(), {d.x, d.y, F(1.f)}));
     return out;
   }
+  CameraRay ray(const Vec2& film, const Vec2& lens) const override { return make_ray<float>(film, lens); }
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return make_ray<Float8>(film, lens); }
   bool uses_lens() const override { return lens_.radius > 0.f; }
 
  private:
@@ -62,19 +79,22 @@ class OrthographicCamera final : public Camera {
         glm::cross(to_world_.vector({screen.dx, 0, 0}), to_world_.vector({0, screen.dy, 0}))));
   }
 
-  CameraRay ray(const Vec2& film, const Vec2& lens) const override {
-    CameraRay out;
-    Vec2 o = screen_.at(film), d{0.f, 0.f};
+  template <class F>
+  CameraRayOf<F> make_ray(const Vec2Of<F>& film, const Vec2Of<F>& lens) const {
+    CameraRayOf<F> out;
+    Vec2Of<F> o = screen_.at(film), d(F(0.f));
     if (lens_.radius > 0.f) {
-      const Vec2 l = lens_.radius * sample_disk(lens);
+      const Vec2Of<F> l = F(lens_.radius) * sample_disk<F>(lens);
       o += l;
-      d = -l / lens_.focal_distance;
+      d = -l / F(lens_.focal_distance);
     }
-    out.origin = to_world_.point({o.x, o.y, 0.f});
-    out.direction = glm::normalize(to_world_.vector({d.x, d.y, 1.f}));
+    out.origin = transformed_point<F>(to_world_.matrix(), {o.x, o.y, F(0.f)});
+    out.direction = lanes::normalize(transformed<F>(to_world_.matrix(), {d.x, d.y, F(1.f)}));
     out.cone_width = cone_width_;
     return out;
   }
+  CameraRay ray(const Vec2& film, const Vec2& lens) const override { return make_ray<float>(film, lens); }
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return make_ray<Float8>(film, lens); }
   bool uses_lens() const override { return lens_.radius > 0.f; }
 
  private:
@@ -101,6 +121,16 @@ class EnvironmentCamera final : public Camera {
     out.direction =
         glm::normalize(to_world_.vector({sin_theta * cos_phi, cos_theta, sin_theta * sin_phi}));
     out.cone_spread = std::sqrt(step_.x * step_.y * std::fabs(sin_theta));
+    return out;
+  }
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override {
+    CameraRay8 out;
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const CameraRay one = ray(lanes::get(film, i), lanes::get(lens, i));
+      lanes::put(out.origin, i, one.origin);
+      lanes::put(out.direction, i, one.direction);
+      lanes::put(out.cone_spread, i, one.cone_spread);
+    }
     return out;
   }
   bool uses_lens() const override { return false; }

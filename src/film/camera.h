@@ -1,17 +1,21 @@
 #pragma once
 #include <memory>
 
+#include "base/lanes.h"
 #include "film/film.h"
 
 namespace cloudrenderer {
 
-struct CameraRay {
-  Vec3 origin{}, direction{};  // world, unit direction
-  float weight = 1;
+// F: one ray, or eight in lanes.
+template <class F>
+struct CameraRayOf {
+  Vec3Of<F> origin, direction;  // world, unit direction
   // The pixel's footprint as a cone: width at the origin and growth per unit of distance (both for
   // one pixel).
-  float cone_width = 0, cone_spread = 0;
+  F cone_width = 0, cone_spread = 0;
 };
+using CameraRay = CameraRayOf<float>;
+using CameraRay8 = CameraRayOf<Float8>;
 
 // perspective (with lens), orthographic, environment. Immutable; any thread.
 class Camera {
@@ -21,6 +25,7 @@ class Camera {
   virtual ~Camera() = default;
   // film: raster position in pixels of the full film (x right, y down); lens: uniform square.
   virtual CameraRay ray(const Vec2& film, const Vec2& lens) const = 0;
+  virtual CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const = 0;  // the same bits in each lane
   virtual bool uses_lens() const = 0;
 };
 
@@ -34,6 +39,7 @@ class Filter {
   // Offset from the pixel's centre in pixels, and the weight (+-const for filters with negative
   // lobes; mean 1).
   virtual Vec2 sample(const Vec2& u, float& weight) const = 0;
+  virtual Vec2x8 sample8(const Vec2x8& u, Float8& weight) const = 0;
 };
 
 }  // namespace cloudrenderer

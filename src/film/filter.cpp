@@ -12,26 +12,34 @@ namespace {
 class BoxFilter final : public Filter {
  public:
   explicit BoxFilter(const Vec2& width) : width_(width) {}
-  Vec2 sample(const Vec2& u, float& weight) const override {
-    weight = 1;
-    return (2.f * u - 1.f) * width_;
-  }
+  Vec2 sample(const Vec2& u, float& weight) const override { return point(u, weight); }
+  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
 
  private:
+  template <class F>
+  Vec2Of<F> point(const Vec2Of<F>& u, F& weight) const {
+    weight = 1;
+    return {(2.f * u.x - 1.f) * width_.x, (2.f * u.y - 1.f) * width_.y};
+  }
   Vec2 width_;
 };
 
 class TriangleFilter final : public Filter {
  public:
   explicit TriangleFilter(const Vec2& width) : width_(width) {}
-  Vec2 sample(const Vec2& u, float& weight) const override {
-    weight = 1;
-    return Vec2(tent(u.x), tent(u.y)) * width_;
-  }
+  Vec2 sample(const Vec2& u, float& weight) const override { return point(u, weight); }
+  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
 
  private:
-  static float tent(float u) {
-    return u < 0.5f ? std::sqrt(2.f * u) - 1.f : 1.f - std::sqrt(std::max(0.f, 2.f - 2.f * u));
+  template <class F>
+  static F tent(F u) {
+    const F root = lanes::sqrt(lanes::select(u < 0.5f, 2.f * u, lanes::max(0.f, 2.f - 2.f * u)));
+    return lanes::select(u < 0.5f, root - 1.f, 1.f - root);
+  }
+  template <class F>
+  Vec2Of<F> point(const Vec2Of<F>& u, F& weight) const {
+    weight = 1;
+    return {tent(u.x) * width_.x, tent(u.y) * width_.y};
   }
   Vec2 width_;
 };
@@ -83,6 +91,17 @@ class TabulatedFilter final : public Filter {
     float wx, wy;
     const Vec2 out(x_.sample(u.x, wx), y_.sample(u.y, wy));
     weight = wx * wy;
+    return out;
+  }
+  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override {
+    Vec2x8 out;
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      float one;
+      const Vec2 p = sample(lanes::get(u, i), one);
+      lanes::put(out.x, i, p.x);
+      lanes::put(out.y, i, p.y);
+      lanes::put(weight, i, one);
+    }
     return out;
   }
 

@@ -82,31 +82,51 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
                         std::vector<PathSegment>& out) const {
   const BatchTimer timer(time_.camera);
   const std::uint32_t samples = range.sample_end - range.sample_begin, tile_width = range.x1 - range.x0;
-  const std::size_t at = out.size();
-  out.resize(at + count);
+  out.reserve(out.size() + count);
   const bool lens = camera_->uses_lens();
-  for (std::uint64_t i = 0; i < count; ++i) {
-    const std::uint64_t pixel = (first + i) / samples;
-    const auto x = range.x0 + static_cast<std::uint32_t>(pixel % tile_width);
-    const auto y = range.y0 + static_cast<std::uint32_t>(pixel / tile_width);
-    PathSegment& s = out[at + i];
-    s.task = range.task;
-    s.owner = owner;
-    s.pixel = y * job_.film.frame.width + x;
-    s.sample = range.sample_begin + static_cast<std::uint32_t>((first + i) % samples);
-    const SampleSequence sequence(job_.sequence, job_.seed, s.pixel, s.sample);
-    float filter_weight;
-    const Vec2 offset = filter_->sample(sequence.get_2d(0), filter_weight);
-    const CameraRay ray = camera_->ray({static_cast<float>(x) + 0.5f + offset.x, static_cast<float>(y) + 0.5f + offset.y},
-                                       lens ? sequence.get_2d(1) : Vec2{0.5f, 0.5f});
-    s.origin = ray.origin;
-    s.direction = ray.direction;
-    s.throughput = Rgb(ray.weight * filter_weight);
-    s.previous_normal = Vec3(0.f);
-    s.flags = kSpecularBounce | kCameraRay;
-    if (footprint_) {
-      s.cone_width = ray.cone_width * footprint_scale_;
-      s.cone_spread = ray.cone_spread * footprint_scale_;
+  SampleSequence::Eight sequences;
+  Columns<2> corners;
+  for (std::uint64_t i = 0; i < count; i += kLanes) {
+    const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(kLanes, count - i));
+    out.resize(out.size() + n);
+    PathSegment* const eight = out.data() + (out.size() - n);
+    for (std::size_t lane = 0; lane < n; ++lane) {
+      const std::uint64_t path = first + i + lane, pixel = path / samples;
+      const auto x = range.x0 + static_cast<std::uint32_t>(pixel % tile_width);
+      const auto y = range.y0 + static_cast<std::uint32_t>(pixel / tile_width);
+      PathSegment& s = eight[lane];
+      s.task = range.task;
+      s.owner = owner;
+      s.pixel = y * job_.film.frame.width + x;
+      s.sample = range.sample_begin + static_cast<std::uint32_t>(path % samples);
+      s.flags = kSpecularBounce | kCameraRay;
+      corners.put(0, lane, Vec2(static_cast<float>(x), static_cast<float>(y)));
+      sequences[lane] = SampleSequence(job_.sequence, job_.seed, s.pixel, s.sample);
+    }
+    for (std::size_t lane = n; lane < kLanes; ++lane) {  // what is missing to eight is made and dropped
+      corners.put(0, lane, Vec2(0.f));
+      sequences[lane] = sequences[0];
+    }
+    Float8 filter_weight;
+    const Vec2x8 offset = filter_->sample8(SampleSequence::get_2d(sequences, 0), filter_weight);
+    const Vec2x8 film = corners.two(0) + Vec2x8(Float8(0.5f)) + offset;
+    const CameraRay8 ray = camera_->ray8(film, lens ? SampleSequence::get_2d(sequences, 1) : Vec2x8(Float8(0.5f)));
+    Columns<9> made;
+    made.store(0, ray.origin);
+    made.store(3, ray.direction);
+    made.store(6, filter_weight);
+    made.store(7, ray.cone_width);
+    made.store(8, ray.cone_spread);
+    for (std::size_t lane = 0; lane < n; ++lane) {
+      PathSegment& s = eight[lane];
+      s.origin = made.get(0, lane);
+      s.direction = made.get(3, lane);
+      s.throughput = Rgb(made.at[6][lane]);
+      s.previous_normal = Vec3(0.f);
+      if (footprint_) {
+        s.cone_width = made.at[7][lane] * footprint_scale_;
+        s.cone_spread = made.at[8][lane] * footprint_scale_;
+      }
     }
   }
 }
@@ -148,24 +168,23 @@ PartId PathTracer::trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) c
   return !next && hit.part != kNone && !set.has(hit.part) ? PartId{hit.part} : next;
 }
 
-// Eight rays from the camera, nearly alike: packets find the same bits as single rays (tested), faster.
+// Eight rays at once, for which nothing has been tested: packets find the same bits as single rays (tested), faster.
 void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const {
-  std::array<TraceRay, 8> rays;
-  std::array<const TraceRay*, 8> ray_pointers;
-  std::array<Hit*, 8> hit_pointers;
+  Columns<6> in;
+  std::uint32_t from_camera = 0;
   for (std::size_t i = 0; i < 8; ++i) {
-    if (!traceable(s[i].origin, s[i].direction)) {
-      for (std::size_t j = 0; j < 8; ++j) next[j] = trace_one(set, s[j], hits[j]);
-      return;
-    }
-    rays[i] = ray_of(s[i]);
-    ray_pointers[i] = &rays[i];
-    hit_pointers[i] = &hits[i];
+    in.put(0, i, s[i].origin);
+    in.put(3, i, s[i].direction);
+    from_camera += (s[i].flags & kCameraRay) ? 1u : 0u;
+    s[i].flags |= kMainTested;
   }
-  if (main_geometry_) set.intersect8(0, ray_pointers.data(), hit_pointers.data(), 0xffu);
-  for (std::size_t i = 0; i < 8; ++i) s[i].flags |= kMainTested;
+  const RayPacket rays{in.three(0), kInfinity, in.three(3)};
+  const std::uint32_t good = lanes::to_bits(traceable(rays.origin, rays.direction));
+  if (good == 0) return;
+  const Coherence coherence = from_camera == 8 ? Coherence::alike : Coherence::any;
+  if (main_geometry_) set.intersect8(0, rays, good, coherence, hits);
   if (one_part_ && set.has(1)) {
-    set.intersect8(1, ray_pointers.data(), hit_pointers.data(), 0xffu);
+    set.intersect8(1, rays, good, coherence, hits);
     return;
   }
   // Each round takes the nearest resident part that any of the rays still has to test, with all rays that do.
@@ -173,7 +192,7 @@ void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, 
   std::array<std::array<Candidate, kNear>, 8> lists;
   std::array<std::size_t, 8> counts{}, cursor{};
   for (std::size_t i = 0; i < 8; ++i) {
-    counts[i] = std::min(map_.candidates(s[i].origin, s[i].direction, hits[i].t, lists[i]), kNear);
+    if (good >> i & 1u) counts[i] = std::min(map_.candidates(s[i].origin, s[i].direction, hits[i].t, lists[i]), kNear);
   }
   for (;;) {
     float nearest = kInfinity;
@@ -200,9 +219,17 @@ void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, 
           s[i].tested |= std::uint64_t{1} << j;
           break;
         }
-    set.intersect8(part, ray_pointers.data(), hit_pointers.data(), active);
+    if (coherence == Coherence::alike || std::popcount(active) > 2) {
+      set.intersect8(part, rays, active, coherence, hits);
+    } else {
+      for (std::uint32_t left = active; left; left &= left - 1) {
+        const auto i = static_cast<std::size_t>(std::countr_zero(left));
+        set.intersect(part, ray_of(s[i]), hits[i]);
+      }
+    }
   }
   for (std::size_t i = 0; i < 8; ++i) {
+    if (!(good >> i & 1u)) continue;
     if (counts[i] == kNear) {  // there may be more candidates
       next[i] = trace_one(set, s[i], hits[i]);
       continue;
@@ -218,11 +245,9 @@ void PathTracer::trace(SegmentBatch& batch) const {
   const std::size_t n = batch.size();
   batch.hits.resize(n);
   batch.next.assign(n, PartId{});
-  constexpr std::uint16_t kFresh = kCameraRay, kFreshMask = kCameraRay | kMainTested;
   for (std::size_t i = 0; i < n;) {
     std::size_t run = 0;
-    while (run < 8 && i + run < n && (batch.segments[i + run].flags & kFreshMask) == kFresh &&
-           batch.hits[i + run].t == kInfinity)
+    while (run < 8 && i + run < n && !(batch.segments[i + run].flags & kMainTested) && batch.hits[i + run].t == kInfinity)
       ++run;
     if (run == 8) {
       trace_eight(*set, &batch.segments[i], &batch.hits[i], &batch.next[i]);
@@ -239,34 +264,36 @@ void PathTracer::route(SegmentBatch& batch) const { trace(batch); }
 void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays,
                               std::span<std::uint8_t> blocked) const {
   for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = 0;
-  std::array<TraceRay, 8> packet;
-  std::array<const TraceRay*, 8> pointers;
-  for (std::size_t i = 0; i < 8; ++i) pointers[i] = &packet[i];
   CandidateList list;
   for (std::size_t first = 0; first < rays.size(); first += 8) {
     const std::size_t n = std::min<std::size_t>(8, rays.size() - first);
-    std::uint32_t open = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      const OcclusionRay& r = rays[first + i];
-      packet[i] = {r.origin, r.t_max, r.direction};
-      if (traceable(r.origin, r.direction) && r.t_max > 0.f) open |= 1u << i;
+    Columns<7> in;
+    for (std::size_t i = 0; i < 8; ++i) {
+      const OcclusionRay& r = rays[first + (i < n ? i : 0)];
+      in.put(0, i, r.origin);
+      in.put(3, i, r.direction);
+      in.at[6][i] = r.t_max;
     }
+    const RayPacket packet{in.three(0), in.one(6), in.three(3)};
+    std::uint32_t open = ((1u << n) - 1u) & lanes::to_bits(traceable(packet.origin, packet.direction) && packet.t_max > 0.f);
     std::uint32_t hit = 0;
-    if (open && main_geometry_) hit |= set.occluded8(0, pointers.data(), open);
+    if (open && main_geometry_) hit |= set.occluded8(0, packet, open);
     open &= ~hit;
     if (one_part_) {
-      if (open && set.has(1)) hit |= set.occluded8(1, pointers.data(), open);
+      if (open && set.has(1)) hit |= set.occluded8(1, packet, open);
     } else {
       for (std::uint32_t left = open; left; left &= left - 1) {
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
+        const OcclusionRay& r = rays[first + i];
+        const TraceRay ray{r.origin, r.t_max, r.direction};
         PathSegment probe;
-        probe.origin = packet[i].origin;
-        probe.direction = packet[i].direction;
+        probe.origin = r.origin;
+        probe.direction = r.direction;
         bool found = false;
         for (;;) {
-          list.find(map_, probe, packet[i].t_max);
+          list.find(map_, probe, r.t_max);
           for (std::size_t c = 0; c < list.size() && !found; ++c)
-            if (list[c].t_enter <= packet[i].t_max && set.has(list[c].part)) found = set.occluded(list[c].part, packet[i]);
+            if (list[c].t_enter <= r.t_max && set.has(list[c].part)) found = set.occluded(list[c].part, ray);
           if (found || !list.more()) break;
           ++probe.window;
         }

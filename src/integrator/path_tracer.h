@@ -40,12 +40,13 @@ class PathTracer final : public PathEngine {
   const EngineTime& time() const { return time_; }
 
  private:
-  struct Shadow;
+  struct Shadows;
   struct Shader;
+  class EightShader;
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const;
-  void resolve_shadows(const ResidentSet& set, std::vector<Shadow>& shadows, ShadeOutput& out) const;
+  void resolve_shadows(const ResidentSet& set, const Shadows& shadows, ShadeOutput& out) const;
 
   JobSettings job_;
   Dialect dialect_;

@@ -1,5 +1,7 @@
 #include "shading/bsdf.h"
 
+#include <type_traits>
+
 #include "shading/bsdf_math.h"
 
 namespace cloudrenderer {
@@ -8,51 +10,54 @@ namespace {
 using namespace bsdf;  // NOLINT: the formulas of this file
 
 // The half vector of a reflection, on wo's side when wi is there too.
+template <class F>
 struct Half {
-  Vec3 wh{0, 0, 1};
-  float dot = 1;  // with wo and with wi; > 0
-  bool valid = false;
+  Vec3Of<F> wh{0, 0, 1};
+  F dot = 1;  // with wo and with wi; > 0
+  MaskOf<F> valid{false};
 };
 
-Half half_of(const Vec3& wo, const Vec3& wi) {
-  Half h;
-  const Vec3 sum = wo + wi;
-  const float length2 = glm::dot(sum, sum);
-  if (!(length2 > 0.f)) return h;
-  h.wh = sum * (1.f / std::sqrt(length2));
+template <class F>
+Half<F> half_of(const Vec3Of<F>& wo, const Vec3Of<F>& wi) {
+  Half<F> h;
+  const Vec3Of<F> sum = wo + wi;
+  const F length2 = glm::dot(sum, sum);
+  h.wh = sum * (1.f / lanes::sqrt(length2));
   h.dot = glm::dot(wi, h.wh);
-  h.valid = h.dot > 0.f;
+  h.valid = length2 > 0.f && h.dot > 0.f;
   return h;
 }
 
 // f without Fresnel and scale, and the density of sampling the reflected direction by its half
 // vector.
-[[gnu::always_inline]] inline float reflect_by_normals(const Lobe& l, const Vec3& wo,
-                                                       const Vec3& wi, const Half& h, float& pdf) {
-  const float co = std::fabs(wo.z), ci = std::fabs(wi.z), d = normal_density(l, h.wh);
+template <class F>
+[[gnu::always_inline]] inline F reflect_by_normals(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec3Of<F>& wi,
+                                                   const Half<F>& h, F& pdf) {
+  const F co = lanes::abs(wo.z), ci = lanes::abs(wi.z), d = normal_density(l, h.wh);
   if (l.distribution == Distribution::trowbridge_reitz) {
-    const float so = smith_root(l, wo), si = smith_root(l, wi);
+    const F so = smith_root(l, wo), si = smith_root(l, wi);
     pdf = d * 0.5f / (co + so);
     return d * 0.5f / (ci * so + co * si);  // D G / (4 co ci) with G = 1 / (1 + L(wo) + L(wi))
   }
   // Torrance and Sparrow's V-grooves: G = min(1, 2 h min(co, ci) / dot)
-  const float z = std::fabs(h.wh.z);
-  const bool masked = 2.f * z * std::min(co, ci) < h.dot;
+  const F z = lanes::abs(h.wh.z);
+  const MaskOf<F> masked = 2.f * z * lanes::min(co, ci) < h.dot;
   pdf = d * z / (4.f * h.dot);
-  return (masked ? d * z : d) / (masked ? 2.f * h.dot * std::max(co, ci) : 4.f * co * ci);
+  return lanes::select(masked, d * z, d) / lanes::select(masked, 2.f * h.dot * lanes::max(co, ci), 4.f * co * ci);
 }
 
 // Density alone, for lobes whose value has another form.
-inline float half_density(const Lobe& l, const Vec3& wo, const Half& h, float d) {
-  if (l.distribution == Distribution::trowbridge_reitz)
-    return d * 0.5f / (std::fabs(wo.z) + smith_root(l, wo));
-  return d * std::fabs(h.wh.z) / (4.f * h.dot);
+template <class F>
+F half_density(const LobeOf<F>& l, const Vec3Of<F>& wo, const Half<F>& h, F d) {
+  if (l.distribution == Distribution::trowbridge_reitz) return d * 0.5f / (lanes::abs(wo.z) + smith_root(l, wo));
+  return d * lanes::abs(h.wh.z) / (4.f * h.dot);
 }
 
-inline Rgb oren_nayar_value(const Lobe& l, const Vec3& wo, const Vec3& wi) {
+template <class F>
+Vec3Of<F> oren_nayar_value(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec3Of<F>& wi) {
   // cos(phi_i - phi_o) sin(alpha) tan(beta) = max(0, xi xo + yi yo) / max(|cos i|, |cos o|)
-  const float cross = std::max(0.f, wi.x * wo.x + wi.y * wo.y);
-  const float t = cross / std::max(std::fabs(wi.z), std::fabs(wo.z));
+  const F cross = lanes::max(0.f, wi.x * wo.x + wi.y * wo.y);
+  const F t = cross / lanes::max(lanes::abs(wi.z), lanes::abs(wo.z));
   return l.scale * (kInvPi * (l.alpha_x + l.alpha_y * t));
 }
 
@@ -86,15 +91,16 @@ Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf
   return l.scale2 * ((1.f - f) * d * std::fabs(oh) * jacobian * 2.f / (ci * so + co * si));
 }
 
-Rgb fresnel_blend_value(const Lobe& l, float mix, const Vec3& wo, const Vec3& wi, const Half& h,
-                        float& pdf) {
-  const float co = std::fabs(wo.z), ci = std::fabs(wi.z);
-  const float d = normal_density(l, h.wh);
+template <class F>
+Vec3Of<F> fresnel_blend_value(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, const Vec3Of<F>& wi, const Half<F>& h,
+                              F& pdf) {
+  const F co = lanes::abs(wo.z), ci = lanes::abs(wi.z);
+  const F d = normal_density(l, h.wh);
   pdf = (1.f - mix) * ci * kInvPi + mix * half_density(l, wo, h, d);
-  const Rgb diffuse =
-      l.scale * (Rgb(1.f) - l.scale2) *
-      ((28.f / 23.f) * kInvPi * (1.f - pow5(1.f - 0.5f * ci)) * (1.f - pow5(1.f - 0.5f * co)));
-  const Rgb glossy = schlick(l.scale2, h.dot) * (d / (4.f * h.dot * std::max(ci, co)));
+  const Vec3Of<F> diffuse =
+      l.scale * (Vec3Of<F>(F(1.f)) - l.scale2) *
+      ((28.f / 23.f) * kInvPi * (1.f - pow5<F>(1.f - 0.5f * ci)) * (1.f - pow5<F>(1.f - 0.5f * co)));
+  const Vec3Of<F> glossy = schlick<F>(l.scale2, h.dot) * (d / (4.f * h.dot * lanes::max(ci, co)));
   return l.eta * (diffuse + glossy);
 }
 
@@ -103,194 +109,81 @@ constexpr std::array<float, Bsdf::kMaxLobes + 1> kEven{0.f,     1.f,     1.f / 2
                                                        1.f / 5, 1.f / 6, 1.f / 7, 1.f / 8};
 
 // A rough guess of the share of light a lobe scatters, for choosing among lobes.
-float albedo_guess(const Lobe& l, float wo_z, float& mix) {
-  const float c = std::min(1.f, std::fabs(wo_z));
+template <class F>
+F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
+  using lanes::luminance;
+  const F c = lanes::min(1.f, lanes::abs(wo_z));
+  const MaskOf<F> outside = wo_z > 0.f;
   switch (l.kind) {
     case LobeKind::lambert:
     case LobeKind::oren_nayar:
       return luminance(l.scale);
     case LobeKind::microfacet: {
-      const float eta =
-          wo_z > 0.f || l.fresnel == Fresnel::dielectric_one_sided ? l.eta.x : l.eta.y;
-      if ((l.fresnel == Fresnel::dielectric || l.fresnel == Fresnel::dielectric_one_sided) &&
-          eta < 1.f) {
-        // pbrt's plastic reflects totally beyond 42 degrees; half vectors spread around it
-        return luminance(l.scale) * (0.8f - 0.75f * c * c);
-      }
-      return luminance(l.scale * fresnel(l, c, wo_z > 0.f));
-    }
-    case LobeKind::microfacet_dielectric:
-    case LobeKind::specular_dielectric: {
-      const float f = fresnel_dielectric(c, wo_z > 0.f ? l.eta.x : l.eta.y);
-      return luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
+      const bool one_sided = l.fresnel == Fresnel::dielectric_one_sided;
+      const F eta = lanes::select(MaskOf<F>(one_sided) || outside, l.eta.x, l.eta.y);
+      const MaskOf<F> total = MaskOf<F>(one_sided || l.fresnel == Fresnel::dielectric) && eta < 1.f;
+      // pbrt's plastic reflects totally beyond 42 degrees; half vectors spread around it
+      const F spread = luminance(l.scale) * (0.8f - 0.75f * c * c);
+      if (!lanes::any(!total)) return spread;
+      return lanes::select(total, spread, luminance<F>(l.scale * fresnel(l, c, outside)));
     }
     case LobeKind::fresnel_blend: {
-      const float glossy = luminance(schlick(l.scale2, c)),
-                  diffuse = luminance(l.scale * (Rgb(1.f) - l.scale2));
-      const float sum = glossy + diffuse;
-      mix = sum > 0.f ? std::clamp(glossy / sum, 0.1f, 0.9f) : 0.5f;
+      const F glossy = luminance(schlick(l.scale2, c)),
+              diffuse = luminance<F>(l.scale * (Vec3Of<F>(F(1.f)) - l.scale2));
+      const F sum = glossy + diffuse;
+      mix = lanes::select(sum > 0.f, lanes::min(lanes::max(glossy / sum, 0.1f), 0.9f), F(0.5f));
       return luminance(l.eta) * sum;
     }
-    case LobeKind::specular_reflection:
-      return luminance(l.scale * fresnel(l, c, wo_z > 0.f));
-    case LobeKind::specular_transmission:
-      return luminance(l.scale) * (1.f - fresnel_dielectric(c, wo_z > 0.f ? l.eta.x : l.eta.y));
+    default:
+      break;
+  }
+  if constexpr (std::is_same_v<F, float>) {
+    const float f = fresnel_dielectric(c, outside ? l.eta.x : l.eta.y);
+    switch (l.kind) {
+      case LobeKind::microfacet_dielectric:
+      case LobeKind::specular_dielectric:
+        return luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
+      case LobeKind::specular_reflection:
+        return luminance<F>(l.scale * fresnel(l, c, outside));
+      case LobeKind::specular_transmission:
+        return luminance(l.scale) * (1.f - f);
+      default:
+        break;
+    }
   }
   return 0.f;
 }
 
 // A direction from a smooth lobe; `u` is a spare uniform number. False when there is none.
-bool sample_lobe(const Lobe& l, float mix, const Vec3& wo, float u, const Vec2& u2, Vec3& wi) {
-  const float side = wo.z > 0.f ? 1.f : -1.f;
-  switch (l.kind) {
-    case LobeKind::lambert:
-    case LobeKind::oren_nayar:
-      wi = sample_cosine(u2);
-      wi.z *= l.transmits ? -side : side;
-      return true;
-    case LobeKind::fresnel_blend:
-      if (u >= mix) {
-        wi = sample_cosine(u2);
-        wi.z *= side;
-        return true;
-      }
-      break;
-    default:
-      break;
+template <class F>
+MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const Vec2Of<F>& u2, Vec3Of<F>& wi) {
+  const F side = lanes::select(wo.z > 0.f, F(1.f), F(-1.f));
+  MaskOf<F> diffuse{l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar};
+  if (l.kind == LobeKind::fresnel_blend) diffuse = u >= mix;
+  if (lanes::any(diffuse)) {
+    wi = sample_cosine(u2);
+    wi.z *= l.transmits ? -side : side;
+    if (!lanes::any(!diffuse)) return MaskOf<F>(true);
   }
-  Vec3 wh = l.distribution == Distribution::trowbridge_reitz
-                ? sample_visible_normal(l, Vec3(wo.x * side, wo.y * side, wo.z * side), u2)
-                : sample_blinn_normal(l, u2);
+  Vec3Of<F> wh = l.distribution == Distribution::trowbridge_reitz
+                     ? sample_visible_normal<F>(l, Vec3Of<F>(wo.x * side, wo.y * side, wo.z * side), u2)
+                     : sample_blinn_normal(l, u2);
   wh *= side;
-  const float c = glm::dot(wo, wh);
-  if (!(c > 0.f)) return false;
-  if (l.kind == LobeKind::microfacet_dielectric) {
-    const float f = fresnel_dielectric(c, incident_eta(l, wo));
-    if (u >= reflect_chance(l, f))
-      return refract(wo, wh, incident_eta(l, wo), wi) && wi.z * wo.z < 0.f;
-  }
-  wi = 2.f * c * wh - wo;
-  if (!(wi.z * wo.z > 0.f)) return false;
-  if (l.transmits) wi.z = -wi.z;
-  return true;
-}
-
-}  // namespace
-
-Rgb Bsdf::evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) const {
-  pdf = 0.f;
-  Rgb f(0.f);
-  const float co = std::fabs(wo.z), ci = std::fabs(wi.z);
-  if (co == 0.f || ci == 0.f) return f;
-  const bool same = wo.z * wi.z > 0.f;
-  const Half half = half_ ? half_of(wo, wi) : Half{};
-  for (int i = 0; i < count_; ++i) {
-    const Lobe& l = lobes_[static_cast<std::size_t>(i)];
-    const Chance& chance = chance_[static_cast<std::size_t>(i)];
-    const bool counts = reflect != l.transmits, sampled = same != l.transmits;
-    switch (l.kind) {
-      case LobeKind::lambert:
-        if (counts) f += l.scale * kInvPi;
-        if (sampled) pdf += chance.weight * ci * kInvPi;
-        break;
-      case LobeKind::oren_nayar:
-        if (counts) f += oren_nayar_value(l, wo, wi);
-        if (sampled) pdf += chance.weight * ci * kInvPi;
-        break;
-      case LobeKind::microfacet: {
-        const Vec3 w(wi.x, wi.y, l.transmits ? -wi.z : wi.z);
-        const Half h = l.transmits ? half_of(wo, w) : half;
-        if (!h.valid) break;
-        float p;
-        const float v = reflect_by_normals(l, wo, w, h, p);
-        if (counts) f += l.scale * fresnel(l, h.dot, h.wh.z > 0.f) * v;
-        if (sampled) pdf += chance.weight * p;
-        break;
-      }
-      case LobeKind::microfacet_dielectric: {
-        float p = 0.f;
-        if (same) {
-          if (!half.valid) break;
-          const float v = reflect_by_normals(l, wo, wi, half, p);
-          const float r = fresnel_dielectric(half.dot, half.wh.z > 0.f ? l.eta.x : l.eta.y);
-          if (reflect) f += l.scale * (r * v);
-          pdf += chance.weight * p * reflect_chance(l, r);
-        } else if (reflect) {  // the normals disagree: pbrt evaluates the reflection all the same
-          if (!half.valid) break;
-          const float v = reflect_by_normals(l, wo, wi, half, p);
-          f += l.scale * (v * fresnel_dielectric(half.dot, half.wh.z > 0.f ? l.eta.x : l.eta.y));
-          rough_transmission(l, wo, wi, p);
-          pdf += chance.weight * p;
-        } else {
-          f += rough_transmission(l, wo, wi, p);
-          pdf += chance.weight * p;
-        }
-        break;
-      }
-      case LobeKind::fresnel_blend:
-        if (half.valid) {
-          float p;
-          const Rgb value = fresnel_blend_value(l, chance.mix, wo, wi, half, p);
-          if (reflect) f += value;
-          if (same) pdf += chance.weight * p;
-        }
-        break;
-      default:
-        break;  // specular
+  const F c = glm::dot(wo, wh);
+  if constexpr (std::is_same_v<F, float>) {
+    if (l.kind == LobeKind::microfacet_dielectric && c > 0.f) {
+      const float f = fresnel_dielectric(c, incident_eta(l, wo));
+      if (u >= reflect_chance(l, f)) return refract(wo, wh, incident_eta(l, wo), wi) && wi.z * wo.z < 0.f;
     }
   }
-  return f;
+  Vec3Of<F> glossy = 2.f * c * wh - wo;
+  const MaskOf<F> valid = c > 0.f && glossy.z * wo.z > 0.f;
+  if (l.transmits) glossy.z = -glossy.z;
+  wi = lanes::select(diffuse, wi, glossy);
+  return diffuse || valid;
 }
 
-Rgb Bsdf::eval(const Vec3& wo, const Vec3& wi) const {
-  float pdf;
-  return evaluate(frame_.to_local(wo), frame_.to_local(wi),
-                  glm::dot(wi, ng_) * glm::dot(wo, ng_) > 0.f, pdf);
-}
-
-float Bsdf::pdf(const Vec3& wo, const Vec3& wi) const {
-  float pdf;
-  evaluate(frame_.to_local(wo), frame_.to_local(wi), true, pdf);
-  return pdf;
-}
-
-float Bsdf::even_pdf(const Vec3& wo, const Vec3& wi) const {
-  Bsdf even = *this;
-  float smooth = 0.f;
-  for (int i = 0; i < count_; ++i) smooth += lobe(i).kind < LobeKind::specular_reflection ? 1.f : 0.f;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) even.chance_[i] = {1.f / smooth, 0.5f};
-  return even.pdf(wo, wi);
-}
-
-Rgb Bsdf::eval_cos(const Vec3& wo, const Vec3& wi, float& pdf) const {
-  const Vec3 local = frame_.to_local(wi);
-  const bool reflect = glm::dot(wi, ng_) * glm::dot(wo, ng_) > 0.f;
-  return evaluate(frame_.to_local(wo), local, reflect, pdf) * std::fabs(local.z);
-}
-
-void Bsdf::finish(const Vec3& wo) {
-  if (count_ == 0) return;
-  const float z = glm::dot(wo, frame_.n);
-  if (count_ == 1) {
-    chance_[0].weight = 1.f;
-    if (lobes_[0].kind == LobeKind::fresnel_blend) albedo_guess(lobes_[0], z, chance_[0].mix);
-    return;
-  }
-  const auto count = static_cast<std::size_t>(count_);
-  float sum = 0.f;
-  for (std::size_t i = 0; i < count; ++i) {
-    const float guess = albedo_guess(lobes_[i], z, chance_[i].mix);
-    chance_[i].weight = guess > 0.f && guess < 1e9f ? guess : 0.f;
-    sum += chance_[i].weight;
-  }
-  // No lobe is starved: a guess may be wrong by much at grazing angles.
-  const float floor = kEven[count] * 0.02f, factor = sum > 0.f ? 0.98f / sum : 0.f;
-  for (std::size_t i = 0; i < count; ++i)
-    chance_[i].weight = sum > 0.f ? floor + factor * chance_[i].weight : kEven[count];
-}
-
-bool Bsdf::finish_specular(const Lobe& l, float chance, const Vec3& wo, float u,
-                           BsdfSample& out) const {
+bool sample_specular(const Lobe& l, float chance, const Vec3& wo, float u, const Frame& frame, BsdfSample& out) {
   const float c = std::fabs(wo.z), side = wo.z > 0.f ? 1.f : -1.f;
   out.specular = true;
   out.pdf = 0.f;
@@ -318,38 +211,187 @@ bool Bsdf::finish_specular(const Lobe& l, float chance, const Vec3& wo, float u,
   }
   out.transmission = !reflects;
   out.weight = weight * (1.f / chance);
-  out.wi = glm::normalize(frame_.to_world(wi));
+  out.wi = glm::normalize(frame.to_world(wi));
   return !is_black(out.weight);
 }
 
-bool Bsdf::sample(const Vec3& wo_world, float u_lobe, const Vec2& u, BsdfSample& out) const {
-  const Vec3 wo = frame_.to_local(wo_world);
-  if (count_ == 0 || wo.z == 0.f) return false;
-  int chosen = 0;
-  while (chosen + 1 < count_ && u_lobe >= weight(chosen)) u_lobe -= weight(chosen++);
-  const Lobe& l = lobe(chosen);
-  const Chance& chance = chance_[static_cast<std::size_t>(chosen)];
-  const float rest = std::min(u_lobe / chance.weight, 0x1.fffffep-1f);
-  if (l.kind >= LobeKind::specular_reflection)
-    return finish_specular(l, chance.weight, wo, rest, out);
-
-  Vec3 wi;
-  if (!sample_lobe(l, chance.mix, wo, rest, u, wi)) return false;
-  out.wi = frame_.to_world(wi);
-  const bool reflect = glm::dot(out.wi, ng_) * glm::dot(wo_world, ng_) > 0.f;
-  out.specular = false;
-  out.transmission = !reflect;
-  out.eta = 1.f;
-  if (count_ == 1 && l.kind == LobeKind::lambert) {  // the most frequent case needs no evaluation
-    out.pdf = std::fabs(wi.z) * kInvPi;
-    out.weight = l.scale;
-    return out.pdf > 0.f && reflect != l.transmits;
-  }
-  if (l.kind == LobeKind::microfacet_dielectric && wi.z * wo.z < 0.f) out.eta = incident_eta(l, wo);
-  const Rgb f = evaluate(wo, wi, reflect, out.pdf);
-  if (!(out.pdf > 0.f) || is_black(f)) return false;
-  out.weight = f * (std::fabs(wi.z) / out.pdf);
-  return true;
+// A lobe with rough refraction, reflected or refracted; f without the cosine.
+Rgb rough_dielectric(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half<float>& half, bool same, bool reflect,
+                     float& pdf) {
+  pdf = 0.f;
+  if (!same && !reflect) return rough_transmission(l, wo, wi, pdf);
+  if (!half.valid) return Rgb(0.f);
+  const float v = reflect_by_normals(l, wo, wi, half, pdf);
+  const float r = fresnel_dielectric(half.dot, half.wh.z > 0.f ? l.eta.x : l.eta.y);
+  if (same)
+    pdf *= reflect_chance(l, r);
+  else  // the normals disagree: pbrt evaluates the reflection all the same
+    rough_transmission(l, wo, wi, pdf);
+  return reflect ? l.scale * (r * v) : Rgb(0.f);
 }
+
+}  // namespace
+
+bool eight_wide(const Lobe& l) {
+  return !l.transmits && (l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar ||
+                          l.kind == LobeKind::microfacet || l.kind == LobeKind::fresnel_blend);
+}
+
+template <class F>
+Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, F& pdf) const {
+  pdf = 0.f;
+  Vector f(F(0.f));
+  const F co = lanes::abs(wo.z), ci = lanes::abs(wi.z);
+  const Mask grazing = co == 0.f || ci == 0.f;
+  const Mask same = wo.z * wi.z > 0.f;
+  const Half<F> half = half_ ? half_of<F>(wo, wi) : Half<F>{};
+  const auto add = [&](Mask counts, const Vector& value, Mask sampled, F density) {
+    f = lanes::select(counts, f + value, f);
+    pdf = lanes::select(sampled, pdf + density, pdf);
+  };
+  for (int i = 0; i < count_; ++i) {
+    const LobeOf<F>& l = lobes_[static_cast<std::size_t>(i)];
+    const Chance& chance = chance_[static_cast<std::size_t>(i)];
+    const Mask counts = l.transmits ? !reflect : reflect, sampled = l.transmits ? !same : same;
+    switch (l.kind) {
+      case LobeKind::lambert:
+        add(counts, l.scale * F(kInvPi), sampled, chance.weight * ci * kInvPi);
+        break;
+      case LobeKind::oren_nayar:
+        add(counts, oren_nayar_value(l, wo, wi), sampled, chance.weight * ci * kInvPi);
+        break;
+      case LobeKind::microfacet: {
+        const Vector w(wi.x, wi.y, l.transmits ? -wi.z : wi.z);
+        const Half<F> h = l.transmits ? half_of<F>(wo, w) : half;
+        if (!lanes::any(h.valid)) break;
+        F p;
+        const F v = reflect_by_normals(l, wo, w, h, p);
+        add(counts && h.valid, l.scale * fresnel<F>(l, h.dot, h.wh.z > 0.f) * v, sampled && h.valid, chance.weight * p);
+        break;
+      }
+      case LobeKind::fresnel_blend: {
+        if (!lanes::any(half.valid)) break;
+        F p;
+        const Vector value = fresnel_blend_value(l, chance.mix, wo, wi, half, p);
+        add(reflect && half.valid, value, same && half.valid, chance.weight * p);
+        break;
+      }
+      case LobeKind::microfacet_dielectric:
+        if constexpr (std::is_same_v<F, float>) {
+          float p;
+          f += rough_dielectric(l, wo, wi, half, same, reflect, p);
+          pdf += chance.weight * p;
+        }
+        break;
+      default:
+        break;  // specular
+    }
+  }
+  pdf = lanes::select(grazing, F(0.f), pdf);
+  return lanes::select(grazing, Vector(F(0.f)), f);
+}
+
+template <class F>
+Vec3Of<F> BsdfOf<F>::eval(const Vector& wo, const Vector& wi) const {
+  F density;
+  return evaluate(frame_.to_local(wo), frame_.to_local(wi), glm::dot(wi, ng_) * glm::dot(wo, ng_) > 0.f, density);
+}
+
+template <class F>
+F BsdfOf<F>::pdf(const Vector& wo, const Vector& wi) const {
+  F density;
+  evaluate(frame_.to_local(wo), frame_.to_local(wi), Mask(true), density);
+  return density;
+}
+
+template <class F>
+F BsdfOf<F>::even_pdf(const Vector& wo, const Vector& wi) const {
+  BsdfOf even = *this;
+  float smooth = 0.f;
+  for (int i = 0; i < count_; ++i) smooth += lobe(i).kind < LobeKind::specular_reflection ? 1.f : 0.f;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) even.chance_[i] = {F(1.f / smooth), F(0.5f)};
+  return even.pdf(wo, wi);
+}
+
+template <class F>
+Vec3Of<F> BsdfOf<F>::eval_cos(const Vector& wo, const Vector& wi, F& pdf) const {
+  const Vector local = frame_.to_local(wi);
+  const Mask reflect = glm::dot(wi, ng_) * glm::dot(wo, ng_) > 0.f;
+  return evaluate(frame_.to_local(wo), local, reflect, pdf) * lanes::abs(local.z);
+}
+
+template <class F>
+void BsdfOf<F>::finish(const Vector& wo) {
+  if (count_ == 0) return;
+  const F z = glm::dot(wo, frame_.n);
+  if (count_ == 1) {
+    chance_[0].weight = 1.f;
+    if (lobes_[0].kind == LobeKind::fresnel_blend) albedo_guess(lobes_[0], z, chance_[0].mix);
+    return;
+  }
+  const auto count = static_cast<std::size_t>(count_);
+  F sum = 0.f;
+  for (std::size_t i = 0; i < count; ++i) {
+    const F guess = albedo_guess(lobes_[i], z, chance_[i].mix);
+    chance_[i].weight = lanes::select(guess > 0.f && guess < 1e9f, guess, F(0.f));
+    sum += chance_[i].weight;
+  }
+  // No lobe is starved: a guess may be wrong by much at grazing angles.
+  const F floor = kEven[count] * 0.02f, factor = lanes::select(sum > 0.f, 0.98f / sum, F(0.f));
+  for (std::size_t i = 0; i < count; ++i)
+    chance_[i].weight = lanes::select(sum > 0.f, floor + factor * chance_[i].weight, F(kEven[count]));
+}
+
+template <class F>
+MaskOf<F> BsdfOf<F>::sample(const Vector& wo_world, F u_lobe, const Vec2Of<F>& u, BsdfSampleOf<F>& out) const {
+  const Vector wo = frame_.to_local(wo_world);
+  if (count_ == 0) return Mask(false);
+  // Lobe i is chosen where the number lies in its part of [0, 1).
+  std::array<Mask, kMaxLobes> chosen;
+  Mask open(true);
+  F chance = 1.f;
+  for (int i = 0; i < count_; ++i) {
+    const Mask here = i + 1 < count_ ? open && u_lobe < weight(i) : open;
+    chosen[static_cast<std::size_t>(i)] = here;
+    chance = lanes::select(here, weight(i), chance);
+    open = open && !here;
+    u_lobe = lanes::select(open, u_lobe - weight(i), u_lobe);
+  }
+  const F rest = lanes::min(u_lobe / chance, 0x1.fffffep-1f);
+  Mask found(false);
+  Vector wi(F(0.f));
+  for (int i = 0; i < count_; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    if (!lanes::any(chosen[k])) continue;
+    const LobeOf<F>& l = lobes_[k];
+    if constexpr (std::is_same_v<F, float>) {
+      if (l.kind >= LobeKind::specular_reflection)
+        return wo.z != 0.f && sample_specular(l, chance, wo, rest, frame_, out);
+      if (l.kind == LobeKind::microfacet_dielectric) out.eta = incident_eta(l, wo);
+    }
+    Vector direction(F(0.f));
+    const Mask valid = sample_lobe(l, chance_[k].mix, wo, rest, u, direction);
+    wi = lanes::select(chosen[k], direction, wi);
+    found = found || (chosen[k] && valid);
+  }
+  out.wi = frame_.to_world(wi);
+  const Mask reflect = glm::dot(out.wi, ng_) * glm::dot(wo_world, ng_) > 0.f;
+  out.specular = Mask(false);
+  out.transmission = !reflect;
+  out.eta = lanes::select(wi.z * wo.z < 0.f, out.eta, F(1.f));
+  found = found && wo.z != 0.f;
+  if (count_ == 1 && lobes_[0].kind == LobeKind::lambert) {  // the most frequent case needs no evaluation
+    out.pdf = lanes::abs(wi.z) * kInvPi;
+    out.weight = lobes_[0].scale;
+    return found && out.pdf > 0.f && reflect != Mask(lobes_[0].transmits);
+  }
+  if (!lanes::any(found)) return found;
+  const Vector f = evaluate(wo, wi, reflect, out.pdf);
+  out.weight = f * (lanes::abs(wi.z) / out.pdf);
+  return found && out.pdf > 0.f && !lanes::is_black(f);
+}
+
+template class BsdfOf<float>;
+template class BsdfOf<Float8>;
 
 }  // namespace cloudrenderer

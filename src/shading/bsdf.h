@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 
+#include "base/lanes.h"
 #include "cloudrenderer/math.h"
 
 namespace cloudrenderer {
@@ -29,95 +30,105 @@ enum class Fresnel : std::uint8_t {
 };
 
 // One scattering lobe; which fields count depends on the kind. Plain data without initialisers, so
-// that an array of them costs nothing; made by the functions in bsdf_lobes.h.
-struct Lobe {
+// that an array of them costs nothing; made by the functions in bsdf_lobes.h. F: one vertex, or
+// eight in lanes whose lobes are of the same kinds (see BsdfOf).
+template <class F>
+struct LobeOf {
   LobeKind kind;
   Distribution distribution;
   Fresnel fresnel;
   bool transmits;       // lambert, oren_nayar, microfacet: scatters to the other side
   bool scale_radiance;  // refraction compresses radiance by (eta_i / eta_t)^2, as in pbrt-v3 and
                         // not in pbrt-v2
-  Rgb scale;            // reflectance (fresnel_blend: diffuse)
-  Rgb scale2;           // dielectrics: transmittance; fresnel_blend: specular
-  Rgb eta;  // conductors; dielectrics: x = inside over outside, y = 1/x; fresnel_blend: factor over
+  Vec3Of<F> scale;      // reflectance (fresnel_blend: diffuse)
+  Vec3Of<F> scale2;     // dielectrics: transmittance; fresnel_blend: specular
+  Vec3Of<F> eta;  // conductors; dielectrics: x = inside over outside, y = 1/x; fresnel_blend: factor over
             // all
-  Rgb k;    // conductors
-  float alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, or Oren and Nayar's A and B
-  float norm;              // of the distribution, precomputed
+  Vec3Of<F> k;  // conductors
+  F alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, or Oren and Nayar's A and B
+  F norm;              // of the distribution, precomputed
 };
+using Lobe = LobeOf<float>;
 
-struct BsdfSample {
-  Vec3 wi{};  // unit, world
-  Rgb weight{
-      0};  // f * |cos| / pdf for the whole BSDF (for specular: of the chosen lobe, chance included)
-  float pdf = 0;  // solid angle, of all non-specular lobes together; 0 when specular
-  bool specular = false;
-  bool transmission = false;
-  float eta = 1;  // ratio of refraction indices crossed (transmitted over incident side), for
+template <class F>
+struct BsdfSampleOf {
+  Vec3Of<F> wi{};  // unit, world
+  // f * |cos| / pdf for the whole BSDF (for specular: of the chosen lobe, chance included)
+  Vec3Of<F> weight{F(0)};
+  F pdf = 0;  // solid angle, of all non-specular lobes together; 0 when specular
+  MaskOf<F> specular{false};
+  MaskOf<F> transmission{false};
+  F eta = 1;  // ratio of refraction indices crossed (transmitted over incident side), for
                   // roulette and footprints
 };
+using BsdfSample = BsdfSampleOf<float>;
 
 // The sum of a few lobes in the shading frame. As in pbrt, the geometric normal decides between
 // reflection and transmission lobes. eval() and pdf() leave specular lobes out. Lobes are sampled
 // in proportion to a guess of their albedo.
-class Bsdf {
+//   F: float, or Float8 for eight vertices whose lobes agree in everything but numbers. The formulas
+// are the same and so are the bits. Eight at once there are only of kinds that eight_wide() names.
+template <class F>
+class BsdfOf {
  public:
   static constexpr int kMaxLobes = 8;
+  using Vector = Vec3Of<F>;
+  using Mask = MaskOf<F>;
 
-  Bsdf() {}  // NOLINT: lobes stay unwritten on purpose
-  Bsdf(const Frame& shading, const Vec3& ng) : frame_(shading), ng_(ng) {}
-  Bsdf(const Bsdf& b) { copy(b); }
-  Bsdf& operator=(const Bsdf& b) {
+  BsdfOf() {}  // NOLINT: lobes stay unwritten on purpose
+  BsdfOf(const FrameOf<F>& shading, const Vector& ng) : frame_(shading), ng_(ng) {}
+  BsdfOf(const BsdfOf& b) { copy(b); }
+  BsdfOf& operator=(const BsdfOf& b) {
     if (this != &b) copy(b);
     return *this;
   }
-  ~Bsdf() = default;
+  ~BsdfOf() = default;
 
   // Returns false when there is no room left.
-  bool add(const Lobe& lobe) {
+  bool add(const LobeOf<F>& lobe) {
     if (count_ == kMaxLobes) return false;
     note(lobe);
     lobes_[static_cast<std::size_t>(count_++)] = lobe;
     return true;
   }
-  void add(std::span<const Lobe> lobes) {
-    for (const Lobe& l : lobes) add(l);
+  void add(std::span<const LobeOf<F>> lobes) {
+    for (const LobeOf<F>& l : lobes) add(l);
   }
   // Sets the lobes' sampling weights for this wo (albedo estimates). Call once after the last lobe.
-  void finish(const Vec3& wo);
+  void finish(const Vector& wo);
 
   bool empty() const { return count_ == 0; }
   bool has_smooth() const {
     return smooth_;
   }  // some lobe is not specular: light sampling makes sense
-  Rgb eval(const Vec3& wo, const Vec3& wi) const;  // f, without the cosine
-  float pdf(const Vec3& wo, const Vec3& wi) const;
+  Vector eval(const Vector& wo, const Vector& wi) const;  // f, without the cosine
+  F pdf(const Vector& wo, const Vector& wi) const;
   // As pdf, with even chances of the smooth lobes: what pbrt weighs a light's density against.
-  float even_pdf(const Vec3& wo, const Vec3& wi) const;
+  F even_pdf(const Vector& wo, const Vector& wi) const;
   // eval * |cos(ns, wi)| and pdf in one pass: what light sampling needs.
-  Rgb eval_cos(const Vec3& wo, const Vec3& wi, float& pdf) const;
-  // u_lobe chooses the lobe. Returns false for an absorbed path (weight 0).
-  bool sample(const Vec3& wo, float u_lobe, const Vec2& u, BsdfSample& out) const;
+  Vector eval_cos(const Vector& wo, const Vector& wi, F& pdf) const;
+  // u_lobe chooses the lobe. False for an absorbed path (weight 0).
+  Mask sample(const Vector& wo, F u_lobe, const Vec2Of<F>& u, BsdfSampleOf<F>& out) const;
 
-  const Frame& frame() const { return frame_; }
-  const Vec3& ng() const { return ng_; }
+  const FrameOf<F>& frame() const { return frame_; }
+  const Vector& ng() const { return ng_; }
   int lobe_count() const { return count_; }
-  const Lobe& lobe(int i) const { return lobes_[static_cast<std::size_t>(i)]; }
-  Lobe& lobe(int i) { return lobes_[static_cast<std::size_t>(i)]; }
-  float weight(int i) const { return chance_[static_cast<std::size_t>(i)].weight; }
+  const LobeOf<F>& lobe(int i) const { return lobes_[static_cast<std::size_t>(i)]; }
+  LobeOf<F>& lobe(int i) { return lobes_[static_cast<std::size_t>(i)]; }
+  F weight(int i) const { return chance_[static_cast<std::size_t>(i)].weight; }
 
  private:
   // How a lobe is sampled.
   struct Chance {
-    float weight;  // of choosing the lobe
-    float mix;     // fresnel_blend: of sampling the glossy part
+    F weight;  // of choosing the lobe
+    F mix;     // fresnel_blend: of sampling the glossy part
   };
 
-  void note(const Lobe& lobe) {
+  void note(const LobeOf<F>& lobe) {
     smooth_ = smooth_ || lobe.kind < LobeKind::specular_reflection;
     half_ = half_ || (lobe.kind >= LobeKind::microfacet && lobe.kind <= LobeKind::fresnel_blend);
   }
-  void copy(const Bsdf& b) {  // only the lobes that exist
+  void copy(const BsdfOf& b) {  // only the lobes that exist
     frame_ = b.frame_;
     ng_ = b.ng_;
     count_ = b.count_;
@@ -129,17 +140,22 @@ class Bsdf {
     }
   }
   // Sum of the smooth lobes without the cosine, and their density, for local directions.
-  Rgb evaluate(const Vec3& wo, const Vec3& wi, bool reflect, float& pdf) const;
-  bool finish_specular(const Lobe& lobe, float chance, const Vec3& wo, float u,
-                       BsdfSample& out) const;
+  Vector evaluate(const Vector& wo, const Vector& wi, Mask reflect, F& pdf) const;
 
-  Frame frame_;
-  Vec3 ng_{0, 0, 1};
+  FrameOf<F> frame_;
+  Vector ng_{0, 0, 1};
   int count_ = 0;
   bool smooth_ = false;  // some lobe is not specular
   bool half_ = false;    // some lobe wants the half vector
   std::array<Chance, kMaxLobes> chance_;
-  std::array<Lobe, kMaxLobes> lobes_;
+  std::array<LobeOf<F>, kMaxLobes> lobes_;
 };
+using Bsdf = BsdfOf<float>;
+using Bsdf8 = BsdfOf<Float8>;
+extern template class BsdfOf<float>;
+extern template class BsdfOf<Float8>;
+
+// True for lobes that Bsdf8 has formulas for.
+bool eight_wide(const Lobe& lobe);
 
 }  // namespace cloudrenderer

@@ -156,4 +156,31 @@ void scale_lobe(Lobe& lobe, const Rgb& factor) {
   }
 }
 
+
+LobeOf<Float8> in_all_lanes(const Lobe& l) {
+  LobeOf<Float8> out;
+  out.kind = l.kind;
+  out.distribution = l.distribution;
+  out.fresnel = l.fresnel;
+  out.transmits = l.transmits;
+  out.scale_radiance = l.scale_radiance;
+  out.scale = Vec3x8(l.scale);
+  out.scale2 = Vec3x8(l.scale2);
+  out.eta = Vec3x8(l.eta);
+  out.k = Vec3x8(l.k);
+  out.alpha_x = l.alpha_x;
+  out.alpha_y = l.alpha_y;
+  out.norm = l.norm;
+  return out;
+}
+void put(LobeOf<Float8>& out, std::size_t lane, const Lobe& l) {
+  lanes::put(out.scale, lane, l.scale);
+  lanes::put(out.scale2, lane, l.scale2);
+  lanes::put(out.eta, lane, l.eta);
+  lanes::put(out.k, lane, l.k);
+  lanes::put(out.alpha_x, lane, l.alpha_x);
+  lanes::put(out.alpha_y, lane, l.alpha_y);
+  lanes::put(out.norm, lane, l.norm);
+}
+
 }  // namespace cloudrenderer::bsdf

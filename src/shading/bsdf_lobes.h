@@ -46,4 +46,8 @@ Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float
 // The lobe times a factor.
 void scale_lobe(Lobe& lobe, const Rgb& factor);
 
+// The lobe for eight vertices, and another one's numbers in one lane.
+LobeOf<Float8> in_all_lanes(const Lobe& lobe);
+void put(LobeOf<Float8>& out, std::size_t lane, const Lobe& lobe);
+
 }  // namespace cloudrenderer::bsdf

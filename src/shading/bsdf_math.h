@@ -1,12 +1,13 @@
 #pragma once
 // Fresnel terms and microfacet distributions in the shading frame (z = normal). Inline: one
-// translation unit sees all.
+// translation unit sees all. F: float or Float8 (see base/lanes.h).
 #include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
 
 #include "base/portable_math.h"
+#include "base/sampling.h"
 #include "cloudrenderer/math.h"
 #include "shading/bsdf.h"
 
@@ -14,166 +15,175 @@ namespace cloudrenderer::bsdf {
 
 // Unpolarised reflectance for a cosine c >= 0; eta is the index beyond over the index on the
 // incident side (the form of Cook and Torrance 1982: one square root).
-inline float fresnel_dielectric(float c, float eta) {
-  c = std::max(c, 1e-10f);
+template <class F>
+F fresnel_dielectric(F c, F eta) {
+  c = lanes::max(c, 1e-10f);
   // Total internal reflection needs no branch: with g = 0 the formula gives 1.
-  const float g = std::sqrt(std::max(0.f, eta * eta - 1.f + c * c)), sum = g + c,
-              difference = g - c;
-  const float a = difference / sum, b = (c * sum - 1.f) / (c * difference + 1.f);
+  const F g = lanes::sqrt(lanes::max(0.f, eta * eta - 1.f + c * c)), sum = g + c, difference = g - c;
+  const F a = difference / sum, b = (c * sum - 1.f) / (c * difference + 1.f);
   return 0.5f * a * a * (1.f + b * b);
 }
 
-// Exact, for a metal of index eta + i k seen from vacuum.
-inline Rgb fresnel_conductor(float c, const Rgb& eta, const Rgb& k) {
-  const float c2 = c * c, s2 = std::max(0.f, 1.f - c2);
+// Exact, for a metal of index n + i k seen from vacuum; one channel.
+template <class F>
+F conductor_channel(F c, F n, F k) {
+  const F c2 = c * c, s2 = lanes::max(0.f, 1.f - c2);
+  const F e2 = n * n, k2 = k * k;
+  const F t0 = e2 - k2 - s2;
+  const F ab = lanes::sqrt(t0 * t0 + 4.f * e2 * k2);  // a^2 + b^2
+  const F a2 = 2.f * c * lanes::sqrt(lanes::max(0.f, 0.5f * (ab + t0)));
+  const F t1 = ab + c2;
+  const F t3 = c2 * ab + s2 * s2, t4 = a2 * s2;
+  const F den = (t1 + a2) * (t3 + t4);
+  // rs = (t1-a2)/(t1+a2), rp = rs (t3-t4)/(t3+t4); their mean over one denominator
+  return (t1 - a2) * t3 / lanes::max(den, 1e-30f);
+}
+// The approximation for conductors that pbrt-v2 uses.
+template <class F>
+F conductor_channel_v2(F c, F n, F k) {
+  const F c2 = c * c, s = n * n + k * k, m = 2.f * n * c, t = s * c2 + 1.f, q = s + c2;
+  return 0.5f * ((t - m) / (t + m) + (q - m) / (q + m));
+}
+// A formula for each channel of a colour.
+template <class Formula>
+Rgb by_channel(const Rgb& n, const Rgb& k, Formula formula) {
   // four lanes, so that the compiler makes vector instructions of it
-  const std::array<float, 4> n{eta.x, eta.y, eta.z, eta.z}, absorption{k.x, k.y, k.z, k.z};
+  const std::array<float, 4> n4{n.x, n.y, n.z, n.z}, k4{k.x, k.y, k.z, k.z};
   std::array<float, 4> out;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const float e2 = n[i] * n[i], k2 = absorption[i] * absorption[i];
-    const float t0 = e2 - k2 - s2;
-    const float ab = std::sqrt(t0 * t0 + 4.f * e2 * k2);  // a^2 + b^2
-    const float a2 = 2.f * c * std::sqrt(std::max(0.f, 0.5f * (ab + t0)));
-    const float t1 = ab + c2;
-    const float t3 = c2 * ab + s2 * s2, t4 = a2 * s2;
-    const float den = (t1 + a2) * (t3 + t4);
-    // rs = (t1-a2)/(t1+a2), rp = rs (t3-t4)/(t3+t4); their mean over one denominator
-    out[i] = (t1 - a2) * t3 / std::max(den, 1e-30f);
-  }
+  for (std::size_t i = 0; i < 4; ++i) out[i] = formula(n4[i], k4[i]);
   return {out[0], out[1], out[2]};
 }
-
-// The approximation for conductors that pbrt-v2 uses.
-inline Rgb fresnel_conductor_v2(float c, const Rgb& eta, const Rgb& k) {
-  const std::array<float, 4> n{eta.x, eta.y, eta.z, eta.z}, absorption{k.x, k.y, k.z, k.z};
-  const float c2 = c * c;
-  std::array<float, 4> out;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const float s = n[i] * n[i] + absorption[i] * absorption[i], m = 2.f * n[i] * c,
-                t = s * c2 + 1.f, q = s + c2;
-    out[i] = 0.5f * ((t - m) / (t + m) + (q - m) / (q + m));
-  }
-  return {out[0], out[1], out[2]};
+template <class Formula>
+Vec3x8 by_channel(const Vec3x8& n, const Vec3x8& k, Formula formula) {
+  return {formula(n.x, k.x), formula(n.y, k.y), formula(n.z, k.z)};
 }
 
 // Fresnel factor of a reflection lobe. `c` is the cosine against the half vector (or normal),
 // `outside` tells its side.
-inline Rgb fresnel(const Lobe& l, float c, bool outside) {
+template <class F>
+Vec3Of<F> fresnel(const LobeOf<F>& l, F c, MaskOf<F> outside) {
   switch (l.fresnel) {
     case Fresnel::none:
       break;
     case Fresnel::dielectric:
-      return Rgb(fresnel_dielectric(c, outside ? l.eta.x : l.eta.y));
+      return Vec3Of<F>(fresnel_dielectric<F>(c, lanes::select(outside, l.eta.x, l.eta.y)));
     case Fresnel::dielectric_one_sided:
-      return Rgb(fresnel_dielectric(c, l.eta.x));
+      return Vec3Of<F>(fresnel_dielectric<F>(c, l.eta.x));
     case Fresnel::conductor:
-      return fresnel_conductor(c, l.eta, l.k);
+      return by_channel(l.eta, l.k, [c](F n, F k) { return conductor_channel<F>(c, n, k); });
     case Fresnel::conductor_v2:
-      return fresnel_conductor_v2(c, l.eta, l.k);
+      return by_channel(l.eta, l.k, [c](F n, F k) { return conductor_channel_v2<F>(c, n, k); });
   }
-  return Rgb(1.f);
+  return Vec3Of<F>(F(1.f));
 }
 
-inline float pow5(float x) {
-  const float x2 = x * x;
+template <class F>
+F pow5(F x) {
+  const F x2 = x * x;
   return x2 * x2 * x;
 }
-inline Rgb schlick(const Rgb& r, float c) {
-  return r + pow5(std::max(0.f, 1.f - c)) * (Rgb(1.f) - r);
+template <class F>
+Vec3Of<F> schlick(const Vec3Of<F>& r, F c) {
+  return r + pow5<F>(lanes::max(0.f, 1.f - c)) * (Vec3Of<F>(F(1.f)) - r);
 }
 
 // (1 - s2)^(e/2) for s2 in [0, 1], that is cos^e from the squared sine: precise near the pole,
 // where exponents of thousands matter. Relative error below 4e-6 for results above 1e-6. The
 // polynomials interpolate log2(1 + d) / d and 2^r at Chebyshev nodes; explicit fma is exact on
 // every host.
-inline float cosine_power(float s2, float e) {
-  if (s2 >= 1.f) return e > 0.f ? 0.f : 1.f;
+template <class F>
+F cosine_power(F s2, F e) {
+  using lanes::fma;
   // log2(1 - s2) = shift + log2(mantissa in [sqrt(1/2), sqrt(2)))
-  const float x = 1.f - s2;
-  const auto bits = std::bit_cast<std::uint32_t>(x);
-  const std::int32_t shift = static_cast<std::int32_t>(bits - 0x3f3504f3u) >> 23;
-  const float m = std::bit_cast<float>(bits - (static_cast<std::uint32_t>(shift) << 23));
+  const F x = 1.f - s2;
+  const auto bits = lanes::bits(x);
+  const IntOf<F> shift = lanes::as_signed(bits - 0x3f3504f3u) >> 23;
+  const F m = lanes::from_bits(bits - (lanes::as_unsigned(shift) << 23));
   // with no shift, m - 1 is -s2 without the rounding of 1 - s2
-  const float d = shift == 0 ? -s2 : m - 1.f, d2 = d * d, d4 = d2 * d2;
-  const float low =
-      std::fma(d2, std::fma(d, -0.36069327f, 0.48091075f), std::fma(d, -0.72134747f, 1.44269500f));
-  const float high =
-      std::fma(d2, std::fma(d, -0.20586188f, 0.21607823f), std::fma(d, -0.23916988f, 0.28790326f));
-  const float log2 = d * std::fma(d4, std::fma(d4, 0.12310968f, high), low);
-  const float y = 0.5f * e * (static_cast<float>(shift) + log2);  // log2 of the result, <= 0
-  if (!(y > -126.f)) return 0.f;
-  const float whole = std::nearbyint(y), r = y - whole, r2 = r * r;
-  const float p =
-      std::fma(r2 * r2, std::fma(r, 0.0013390863f, 0.0096760319f),
-               std::fma(r2, std::fma(r, 0.055503571f, 0.24022107f), std::fma(r, 0.69314719f, 1.f)));
-  return p * std::bit_cast<float>(static_cast<std::uint32_t>(static_cast<std::int32_t>(whole) + 127)
-                                  << 23);
+  const F d = lanes::select(lanes::equal(shift, 0), -s2, m - 1.f), d2 = d * d, d4 = d2 * d2;
+  const F low = fma(d2, fma(d, -0.36069327f, 0.48091075f), fma(d, -0.72134747f, 1.44269500f));
+  const F high = fma(d2, fma(d, -0.20586188f, 0.21607823f), fma(d, -0.23916988f, 0.28790326f));
+  const F log2 = d * fma(d4, fma(d4, 0.12310968f, high), low);
+  const F y = 0.5f * e * (lanes::to_float(shift) + log2);  // log2 of the result, <= 0
+  const MaskOf<F> vanishes = !(y > -126.f);
+  const F whole = lanes::nearbyint(lanes::max(-126.f, y)), r = y - whole, r2 = r * r;
+  const F p = fma(r2 * r2, fma(r, 0.0013390863f, 0.0096760319f),
+                  fma(r2, fma(r, 0.055503571f, 0.24022107f), fma(r, 0.69314719f, 1.f)));
+  const F power = p * lanes::from_bits(lanes::as_unsigned(lanes::to_int(whole) + 127) << 23);
+  const F pole = lanes::select(e > 0.f, F(0.f), F(1.f));
+  return lanes::select(s2 >= 1.f, pole, lanes::select(vanishes, F(0.f), power));
 }
 
-// Density cos/pi around z by the concentric map (Shirley and Chiu 1997), without unpredictable
-// branches.
-inline Vec3 sample_cosine(const Vec2& u) {
-  const float a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
-  const bool first = a * a > b * b;
-  const float r = first ? a : b, other = first ? b : a;
-  float s, c;
-  portable::sincos_eighth(r != 0.f ? (kPi / 4) * (other / r) : 0.f, s, c);
-  return {r * (first ? c : s), r * (first ? s : c), std::sqrt(std::max(0.f, 1.f - r * r))};
+// Density cos/pi around z.
+template <class F>
+Vec3Of<F> sample_cosine(const Vec2Of<F>& u) {
+  using lanes::select;
+  const F a = 2.f * u.x - 1.f, b = 2.f * u.y - 1.f;
+  const F r = select(a * a > b * b, a, b);  // of the point in the disk
+  const Vec2Of<F> d = sample_disk(u);
+  return {d.x, d.y, lanes::sqrt(lanes::max(0.f, 1.f - r * r))};
 }
 
-inline float sine2(const Vec3& w) { return w.x * w.x + w.y * w.y; }
+template <class F>
+F sine2(const Vec3Of<F>& w) {
+  return w.x * w.x + w.y * w.y;
+}
 
 // Density of microfacet normals, times the solid angle's cosine = 1 (so that the projected integral
 // is 1).
-inline float normal_density(const Lobe& l, const Vec3& wh) {
+template <class F>
+F normal_density(const LobeOf<F>& l, const Vec3Of<F>& wh) {
   switch (l.distribution) {
     case Distribution::blinn:
-      return l.norm * cosine_power(sine2(wh), l.alpha_x);
+      return l.norm * cosine_power<F>(sine2(wh), l.alpha_x);
     case Distribution::blinn_anisotropic: {
-      const float s2 = sine2(wh);
-      if (s2 <= 0.f) return l.norm;
-      return l.norm * cosine_power(s2, (l.alpha_x * wh.x * wh.x + l.alpha_y * wh.y * wh.y) / s2);
+      const F s2 = sine2(wh);
+      const F exponent = (l.alpha_x * wh.x * wh.x + l.alpha_y * wh.y * wh.y) / s2;
+      return lanes::select(s2 <= 0.f, l.norm, l.norm * cosine_power<F>(s2, exponent));
     }
     case Distribution::trowbridge_reitz:
       break;
   }
-  const float x = wh.x / l.alpha_x, y = wh.y / l.alpha_y, q = x * x + y * y + wh.z * wh.z;
+  const F x = wh.x / l.alpha_x, y = wh.y / l.alpha_y, q = x * x + y * y + wh.z * wh.z;
   return l.norm / (q * q);  // norm = 1 / (pi ax ay)
 }
 
 // sqrt(cos^2 + ax^2 x^2 + ay^2 y^2): Smith's masking is G1 = 2 c / (c + this).
-inline float smith_root(const Lobe& l, const Vec3& w) {
-  const float x = l.alpha_x * w.x, y = l.alpha_y * w.y;
-  return std::sqrt(w.z * w.z + x * x + y * y);
+template <class F>
+F smith_root(const LobeOf<F>& l, const Vec3Of<F>& w) {
+  const F x = l.alpha_x * w.x, y = l.alpha_y * w.y;
+  return lanes::sqrt(w.z * w.z + x * x + y * y);
 }
 
 // A normal of Trowbridge and Reitz's distribution as seen from wo, wo.z > 0 (Heitz 2018). Density
 // D G1 (wo.wh) / wo.z.
-inline Vec3 sample_visible_normal(const Lobe& l, const Vec3& wo, const Vec2& u) {
+template <class F>
+Vec3Of<F> sample_visible_normal(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec2Of<F>& u) {
   // by a uniform point of a spherical cap (Dupuy and Benyoub 2023)
-  const Vec3 v = glm::normalize(Vec3(l.alpha_x * wo.x, l.alpha_y * wo.y, wo.z));
-  float s, c;
-  portable::sincos_turn(u.y, s, c);
-  const float z = (1.f - u.x) * (1.f + v.z) - v.z, r = std::sqrt(std::max(0.f, 1.f - z * z));
-  return glm::normalize(
-      Vec3(l.alpha_x * (r * c + v.x), l.alpha_y * (r * s + v.y), std::max(1e-6f, z + v.z)));
+  const Vec3Of<F> v = lanes::normalize(Vec3Of<F>(l.alpha_x * wo.x, l.alpha_y * wo.y, wo.z));
+  F s, c;
+  portable::sincos_turn<F>(u.y, s, c);
+  const F z = (1.f - u.x) * (1.f + v.z) - v.z, r = lanes::sqrt(lanes::max(0.f, 1.f - z * z));
+  return lanes::normalize(
+      Vec3Of<F>(l.alpha_x * (r * c + v.x), l.alpha_y * (r * s + v.y), lanes::max(1e-6f, z + v.z)));
 }
 
 // A normal of Blinn's distribution or of its anisotropic form (Ashikhmin and Shirley 2000), z >= 0.
 // Density D * cos.
-inline Vec3 sample_blinn_normal(const Lobe& l, const Vec2& u) {
-  float s, c, e = l.alpha_x;
-  portable::sincos_turn(u.y, s, c);
+template <class F>
+Vec3Of<F> sample_blinn_normal(const LobeOf<F>& l, const Vec2Of<F>& u) {
+  F s, c, e = l.alpha_x;
+  portable::sincos_turn<F>(u.y, s, c);
   if (l.distribution == Distribution::blinn_anisotropic) {
     // tan(phi) = sqrt((ex + 2) / (ey + 2)) tan(uniform angle), without the tangent
-    c *= std::sqrt(l.alpha_y + 2.f);
-    s *= std::sqrt(l.alpha_x + 2.f);
-    const float inverse = 1.f / std::sqrt(c * c + s * s);
+    c *= lanes::sqrt(l.alpha_y + 2.f);
+    s *= lanes::sqrt(l.alpha_x + 2.f);
+    const F inverse = 1.f / lanes::sqrt(c * c + s * s);
     c *= inverse;
     s *= inverse;
     e = l.alpha_x * c * c + l.alpha_y * s * s;
   }
-  const float z = cosine_power(u.x, 2.f / (e + 2.f)), r = std::sqrt(std::max(0.f, 1.f - z * z));
+  const F z = cosine_power<F>(u.x, 2.f / (e + 2.f)), r = lanes::sqrt(lanes::max(0.f, 1.f - z * z));
   return {r * c, r * s, z};
 }
 

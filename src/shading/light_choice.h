@@ -72,6 +72,7 @@ class LightChoice {
 
   LightChoice() = default;
   explicit LightChoice(std::span<const EmitterBounds> emitters);
+  bool single() const { return single_; }  // there is one emitter, number 0, with chance 1
   // The number of an emitter, or -1 when nothing arrives.
   std::int64_t sample(const Vec3& p, const Vec3& n, float u, float& chance) const {
     if (single_) {

@@ -33,18 +33,21 @@ std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, 
   return out;
 }
 
-bool sample_flat(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out) {
-  const Vec2 b = e.kind == EmitterKind::triangle ? sample_triangle(u) : u;
-  const Vec3 w = e.position + e.edge0 * b.x + e.edge1 * b.y - p;
-  const float d2 = glm::dot(w, w);
-  out.distance = std::sqrt(d2);
+template <class F>
+MaskOf<F> sample_flat(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out) {
+  using V = Vec3Of<F>;
+  const Vec2Of<F> b = e.kind == EmitterKind::triangle ? sample_triangle<F>(u) : u;
+  const V w = V(e.position) + V(e.edge0) * b.x + V(e.edge1) * b.y - p;
+  const F d2 = glm::dot(w, w);
+  out.distance = lanes::sqrt(d2);
   out.wi = w * (1.f / out.distance);
-  const float cosine = -glm::dot(e.axis, out.wi);
-  if (!(cosine > 0.f) && !e.two_sided) return false;
-  out.pdf = solid_angle_pdf(e.area_pdf, d2, std::fabs(cosine));
-  out.radiance = e.radiance;
-  out.delta = false;
-  return out.pdf > 0.f && out.pdf < kInfinity;
+  const F cosine = -glm::dot(V(e.axis), out.wi);
+  out.pdf = solid_angle_pdf<F>(e.area_pdf, d2, lanes::abs(cosine));
+  out.radiance = V(e.radiance);
+  out.delta = MaskOf<F>(false);
+  return (cosine > 0.f || MaskOf<F>(e.two_sided)) && out.pdf > 0.f && out.pdf < kInfinity;
 }
+template bool sample_flat<float>(const Emitter&, const Vec3&, const Vec2&, LightSample&);
+template Mask8 sample_flat<Float8>(const Emitter&, const Vec3x8&, const Vec2x8&, LightSample8&);
 
 }  // namespace cloudrenderer

@@ -27,16 +27,16 @@ EmitterBounds bounds_at(const Vec3& position, float strength) {
   return b;
 }
 
-bool towards(const Vec3& position, const Vec3& p, LightSample& out, float& inverse_square) {
-  const Vec3 w = position - p;
-  const float d2 = glm::dot(w, w);
-  if (!(d2 > 1e-30f && d2 < kInfinity)) return false;
-  out.distance = std::sqrt(d2);
+template <class F>
+MaskOf<F> towards(const Vec3& position, const Vec3Of<F>& p, LightSampleOf<F>& out, F& inverse_square) {
+  const Vec3Of<F> w = Vec3Of<F>(position) - p;
+  const F d2 = glm::dot(w, w);
+  out.distance = lanes::sqrt(d2);
   out.wi = w / out.distance;
   inverse_square = 1.f / d2;
   out.pdf = 1;
-  out.delta = true;
-  return true;
+  out.delta = MaskOf<F>(true);
+  return d2 > 1e-30f && d2 < kInfinity;
 }
 
 }  // namespace
@@ -52,12 +52,15 @@ std::optional<EmitterAndBounds> make_point(const LightDesc& desc) {
   return out;
 }
 
-bool sample_point(const Emitter& e, const Vec3& p, LightSample& out) {
-  float inverse_square;
-  if (!towards(e.position, p, out, inverse_square)) return false;
-  out.radiance = e.radiance * inverse_square;
-  return true;
+template <class F>
+MaskOf<F> sample_point(const Emitter& e, const Vec3Of<F>& p, LightSampleOf<F>& out) {
+  F inverse_square;
+  const MaskOf<F> arrives = towards<F>(e.position, p, out, inverse_square);
+  out.radiance = Vec3Of<F>(e.radiance) * inverse_square;
+  return arrives;
 }
+template bool sample_point<float>(const Emitter&, const Vec3&, LightSample&);
+template Mask8 sample_point<Float8>(const Emitter&, const Vec3x8&, LightSample8&);
 
 std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone) {
   EmitterAndBounds out;
@@ -94,7 +97,7 @@ std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone)
 
 bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSample& out) {
   float inverse_square;
-  if (!towards(e.position, p, out, inverse_square)) return false;
+  if (!towards<float>(e.position, p, out, inverse_square)) return false;
   const Vec3 local = cone.world_to_light * -out.wi;
   const float cosine = local.z / glm::length(local);
   if (!(cosine >= cone.cos_total)) return false;
@@ -122,13 +125,16 @@ std::optional<EmitterAndBounds> make_distant(const LightDesc& desc) {
   return out;
 }
 
-bool sample_distant(const Emitter& e, LightSample& out) {
-  out.wi = e.axis;
+template <class F>
+MaskOf<F> sample_distant(const Emitter& e, LightSampleOf<F>& out) {
+  out.wi = Vec3Of<F>(e.axis);
   out.distance = kInfinity;
-  out.radiance = e.radiance;
+  out.radiance = Vec3Of<F>(e.radiance);
   out.pdf = 1;
-  out.delta = true;
-  return true;
+  out.delta = MaskOf<F>(true);
+  return MaskOf<F>(true);
 }
+template bool sample_distant<float>(const Emitter&, LightSample&);
+template Mask8 sample_distant<Float8>(const Emitter&, LightSample8&);
 
 }  // namespace cloudrenderer

@@ -10,26 +10,29 @@ namespace {
 // The cone of directions in which a sphere is seen from outside. 1 - cos is kept instead of cos, so
 // that a sphere of 1e-9 steradian still has a cone, and that of a sphere that is touched is a half
 // space.
+template <class F>
 struct VisibleCone {
-  float one_minus_cos = 0;
-  VisibleCone(float radius2, float distance2) {
-    const float sin2 = radius2 / distance2;
-    one_minus_cos = sin2 / (1.f + std::sqrt(std::max(0.f, 1.f - sin2)));
+  F one_minus_cos;
+  VisibleCone(float radius2, F distance2) {
+    const F sin2 = radius2 / distance2;
+    one_minus_cos = sin2 / (1.f + lanes::sqrt(lanes::max(0.f, 1.f - sin2)));
   }
-  float pdf() const { return one_minus_cos > 1e-35f ? 1.f / (2 * kPi * one_minus_cos) : 0.f; }
+  F pdf() const {
+    return lanes::select(one_minus_cos > 1e-35f, 1.f / (2 * kPi * one_minus_cos), F(0.f));
+  }
 };
 
 // A direction of the cone around the unit vector `axis`; sin2 is the squared sine of its angle to
 // the axis.
-Vec3 sample_cone(const VisibleCone& cone, const Vec3& axis, const Vec2& u, float& cosine,
-                 float& sin2) {
-  const float x = u.x * cone.one_minus_cos;
+template <class F>
+Vec3Of<F> sample_cone(const VisibleCone<F>& cone, const Vec3Of<F>& axis, const Vec2Of<F>& u, F& cosine, F& sin2) {
+  const F x = u.x * cone.one_minus_cos;
   cosine = 1.f - x;
   sin2 = x * (2.f - x);
-  const float r = std::sqrt(sin2);
-  float s, c;
-  portable::sincos_turn(u.y, s, c);
-  return Frame(axis).to_world({r * c, r * s, cosine});
+  const F r = lanes::sqrt(sin2);
+  F s, c;
+  portable::sincos_turn<F>(u.y, s, c);
+  return FrameOf<F>(axis).to_world({r * c, r * s, cosine});
 }
 
 constexpr float kUniformPdf = 1.f / (4 * kPi);
@@ -97,33 +100,39 @@ std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const 
   return out;
 }
 
-bool sample_sphere(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out) {
-  const Vec3 w = e.position - p;
-  const float d2 = glm::dot(w, w);
-  const bool outside = d2 > e.radius2;
-  if (outside != e.outward && !e.two_sided) return false;
-  out.radiance = e.radiance;
-  out.delta = false;
-  if (!outside) {
-    out.wi = sample_uniform_sphere(u);
-    const float along = glm::dot(out.wi, w);
-    out.distance = along + std::sqrt(std::max(0.f, along * along + (e.radius2 - d2)));
-    out.pdf = kUniformPdf;
-    return true;
+template <class F>
+MaskOf<F> sample_sphere(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out) {
+  using lanes::max, lanes::sqrt;
+  const Vec3Of<F> w = Vec3Of<F>(e.position) - p;
+  const F d2 = glm::dot(w, w);
+  const MaskOf<F> outside = d2 > e.radius2;
+  out.radiance = Vec3Of<F>(e.radiance);
+  out.delta = MaskOf<F>(false);
+  if (lanes::any(outside)) {
+    const VisibleCone<F> cone(e.radius2, d2);
+    const F d = sqrt(d2);
+    F cosine, sin2;
+    out.wi = sample_cone<F>(cone, w * (1.f / d), u, cosine, sin2);
+    out.distance = max(0.f, d * cosine - sqrt(max(0.f, e.radius2 - d2 * sin2)));
+    out.pdf = cone.pdf();
   }
-  const VisibleCone cone(e.radius2, d2);
-  const float d = std::sqrt(d2);
-  float cosine, sin2;
-  out.wi = sample_cone(cone, w * (1.f / d), u, cosine, sin2);
-  out.distance = std::max(0.f, d * cosine - std::sqrt(std::max(0.f, e.radius2 - d2 * sin2)));
-  out.pdf = cone.pdf();
-  return out.pdf > 0.f;
+  if (lanes::any(!outside)) {
+    const Vec3Of<F> wi = sample_uniform_sphere<F>(u);
+    const F along = glm::dot(wi, w);
+    const F distance = along + sqrt(max(0.f, along * along + (e.radius2 - d2)));
+    out.wi = lanes::select(outside, out.wi, wi);
+    out.distance = lanes::select(outside, out.distance, distance);
+    out.pdf = lanes::select(outside, out.pdf, F(kUniformPdf));
+  }
+  return (outside == MaskOf<F>(e.outward) || MaskOf<F>(e.two_sided)) && out.pdf > 0.f;
 }
+template bool sample_sphere<float>(const Emitter&, const Vec3&, const Vec2&, LightSample&);
+template Mask8 sample_sphere<Float8>(const Emitter&, const Vec3x8&, const Vec2x8&, LightSample8&);
 
 float sphere_pdf(const Emitter& e, const Vec3& p) {
   const Vec3 w = e.position - p;
   const float d2 = glm::dot(w, w);
-  return d2 > e.radius2 ? VisibleCone(e.radius2, d2).pdf() : kUniformPdf;
+  return d2 > e.radius2 ? VisibleCone<float>(e.radius2, d2).pdf() : kUniformPdf;
 }
 
 bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u,
@@ -133,12 +142,12 @@ bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& 
   Vec3 direction;
   float pdf = kUniformPdf;
   if (d2 > r2) {
-    const VisibleCone cone(r2, d2);
+    const VisibleCone<float> cone(r2, d2);
     float cosine, sin2;
-    direction = sample_cone(cone, w / std::sqrt(d2), u, cosine, sin2);
+    direction = sample_cone<float>(cone, w / std::sqrt(d2), u, cosine, sin2);
     pdf = cone.pdf();
   } else {
-    direction = sample_uniform_sphere(u);
+    direction = sample_uniform_sphere<float>(u);
   }
   const Vec3 world = q.to_world * direction;
   const float stretch = glm::length(world);
@@ -162,7 +171,7 @@ float sphere_part_pdf(const EmissiveQuadric& q, const Vec3& p, const Vec3& direc
   const Vec3 w = q.to_object * (q.offset - p);
   const float d2 = glm::dot(w, w), r2 = q.quadric.radius * q.quadric.radius;
   const float stretch = 1.f / glm::length(q.to_object * direction);
-  return (d2 > r2 ? VisibleCone(r2, d2).pdf() : kUniformPdf) * stretch * stretch * stretch *
+  return (d2 > r2 ? VisibleCone<float>(r2, d2).pdf() : kUniformPdf) * stretch * stretch * stretch *
          q.inverse_volume;
 }
 

@@ -54,8 +54,9 @@ inline float average(const Rgb& c) { return (c.x + c.y + c.z) * (1.f / 3.f); }
 
 // One density for all of a scene's emitters with a point on them: from area to solid angle; 0 seen
 // edge-on.
-inline float solid_angle_pdf(float area_pdf, float distance2, float cosine) {
-  return cosine > 1e-7f ? area_pdf * distance2 / cosine : 0.f;
+template <class F>
+F solid_angle_pdf(float area_pdf, F distance2, F cosine) {
+  return lanes::select(cosine > 1e-7f, area_pdf * distance2 / cosine, F(0.f));
 }
 
 struct EmitterAndBounds {
@@ -69,16 +70,20 @@ std::optional<EmitterAndBounds> make_point(const LightDesc& desc);
 std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone);
 std::optional<EmitterAndBounds> make_distant(const LightDesc& desc);
 
-bool sample_point(const Emitter& e, const Vec3& p, LightSample& out);
+// F: one point or eight that ask the same emitter.
+template <class F>
+MaskOf<F> sample_point(const Emitter& e, const Vec3Of<F>& p, LightSampleOf<F>& out);
 bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSample& out);
-bool sample_distant(const Emitter& e, LightSample& out);
+template <class F>
+MaskOf<F> sample_distant(const Emitter& e, LightSampleOf<F>& out);
 
 // Corner and two edges; `normal` is the emitting side. Nothing where the area is no positive
 // number.
 std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0,
                                           const Vec3& edge1, const Vec3& normal,
                                           const Rgb& radiance, bool two_sided);
-bool sample_flat(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out);
+template <class F>
+MaskOf<F> sample_flat(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out);
 inline float flat_pdf(const Emitter& e, const Vec3& direction, float t) {
   return solid_angle_pdf(e.area_pdf, t * t, std::fabs(glm::dot(e.axis, direction)));
 }
@@ -86,7 +91,8 @@ inline float flat_pdf(const Emitter& e, const Vec3& direction, float t) {
 // Nothing for kinds that cannot be sampled.
 std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance,
                                              bool two_sided, EmissiveQuadric& record);
-bool sample_sphere(const Emitter& e, const Vec3& p, const Vec2& u, LightSample& out);
+template <class F>
+MaskOf<F> sample_sphere(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out);
 float sphere_pdf(const Emitter& e, const Vec3& p);
 bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& p, const Vec2& u,
                         LightSample& out);

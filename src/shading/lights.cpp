@@ -1,7 +1,10 @@
 #include "shading/lights.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <type_traits>
 
 #include "shading/light_infinite.h"
 #include "shading/light_record.h"
@@ -47,16 +50,40 @@ class SceneLights final : public Lights {
     float chance;
     const std::int64_t chosen = choice_.sample(p, n, u_light, chance);
     if (chosen < 0) return false;
-    const auto number = static_cast<std::size_t>(chosen);
-    if (!sample_emitter(number, p, n, u, out)) return false;
-    const float own_pdf = out.pdf;
-    out.pdf *= chance;
-    if (emitters_[number].kind == EmitterKind::infinite && infinite_.size() > 1) {
-      // Every infinite light could have given this direction, and all of them shine from there.
-      out.radiance = escaped(p, n, out.wi, out.pdf);
+    return sample_chosen<float>(static_cast<std::size_t>(chosen), chance, p, n, u, out);
+  }
+
+  Mask8 sample(Mask8 active, const Vec3x8& p, const Vec3x8& n, Float8 u_light, const Vec2x8& u,
+               LightSample8& out) const override {
+    Mask8 found(false);
+    if (emitters_.empty()) return found;
+    if (choice_.single()) return active && sample_eight(active, 0, Float8(1.f), p, n, u, out);
+    std::array<std::int64_t, kLanes> chosen;
+    Float8 chance(1.f);
+    lanes::for_each(active, [&](std::size_t i) {
+      float c;
+      chosen[i] = choice_.sample(lanes::get(p, i), lanes::get(n, i), lanes::get(u_light, i), c);
+      lanes::put(chance, i, c);
+    });
+    // Each round takes the lanes that ask one emitter.
+    for (std::uint32_t left = lanes::to_bits(active); left;) {
+      const std::int64_t number = chosen[static_cast<std::size_t>(std::countr_zero(left))];
+      std::uint32_t round = 0;
+      for (std::size_t i = 0; i < kLanes; ++i) round |= static_cast<std::uint32_t>(left >> i & 1u && chosen[i] == number) << i;
+      left &= ~round;
+      if (number < 0) continue;
+      const Mask8 asking = lanes::from_mask_bits(round);
+      if (round == lanes::to_bits(active)) return asking && sample_eight(asking, static_cast<std::size_t>(number), chance, p, n, u, out);
+      LightSample8 own;
+      found = found || (asking && sample_eight(asking, static_cast<std::size_t>(number), chance, p, n, u, own));
+      out.wi = lanes::select(asking, own.wi, out.wi);
+      out.distance = lanes::select(asking, own.distance, out.distance);
+      out.radiance = lanes::select(asking, own.radiance, out.radiance);
+      out.pdf = lanes::select(asking, own.pdf, out.pdf);
+      out.weight_pdf = lanes::select(asking, own.weight_pdf, out.weight_pdf);
+      out.delta = lanes::select(asking, own.delta, out.delta);
     }
-    out.weight_pdf = is_v2_disk(emitters_[number]) ? own_pdf : out.pdf;
-    return out.pdf > 0.f && out.pdf < kInfinity;
+    return found;
   }
 
   Rgb escaped(const Vec3& p, const Vec3& n, const Vec3& direction, float& pdf) const override {
@@ -128,31 +155,86 @@ class SceneLights final : public Lights {
     return q.kind == QuadricKind::disk && q.inside_out;
   }
 
-  bool sample_emitter(std::size_t number, const Vec3& p, const Vec3& n, const Vec2& u,
-                      LightSample& out) const {
+  // An emitter that has been chosen with `chance`.
+  template <class F>
+  MaskOf<F> sample_chosen(std::size_t number, F chance, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u,
+                          LightSampleOf<F>& out) const {
     const Emitter& e = emitters_[number];
+    const MaskOf<F> found = sample_emitter<F>(e, p, n, u, out);
+    if (!lanes::any(found)) return found;
+    const F own_pdf = out.pdf;
+    out.pdf *= chance;
+    if constexpr (std::is_same_v<F, float>) {
+      // Every infinite light could have given this direction, and all of them shine from there.
+      if (e.kind == EmitterKind::infinite && infinite_.size() > 1) out.radiance = escaped(p, n, out.wi, out.pdf);
+    }
+    out.weight_pdf = is_v2_disk(e) ? own_pdf : out.pdf;
+    return found && out.pdf > 0.f && out.pdf < kInfinity;
+  }
+
+  template <class F>
+  MaskOf<F> sample_emitter(const Emitter& e, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u,
+                           LightSampleOf<F>& out) const {
     switch (e.kind) {
       case EmitterKind::sphere:
-        return sample_sphere(e, p, u, out);
+        return sample_sphere<F>(e, p, u, out);
       case EmitterKind::triangle:
       case EmitterKind::parallelogram:
-        return sample_flat(e, p, u, out);
-      case EmitterKind::sphere_part:
-        return sample_sphere_part(e, quadrics_[e.index], p, u, out);
-      case EmitterKind::quadric:
-        return sample_quadric(e, quadrics_[e.index], p, u, out);
+        return sample_flat<F>(e, p, u, out);
       case EmitterKind::point:
-        return sample_point(e, p, out);
-      case EmitterKind::spot:
-        return sample_spot(e, spots_[e.index], p, out);
+        return sample_point<F>(e, p, out);
       case EmitterKind::distant:
-        return sample_distant(e, out);
-      case EmitterKind::infinite:
-        out.distance = kInfinity;
-        out.delta = false;
-        return infinite_[e.index].sample(n, u, out.wi, out.pdf, out.radiance);
+        return sample_distant<F>(e, out);
+      default:
+        break;
     }
-    return false;
+    if constexpr (std::is_same_v<F, float>) {
+      switch (e.kind) {
+        case EmitterKind::sphere_part:
+          return sample_sphere_part(e, quadrics_[e.index], p, u, out);
+        case EmitterKind::quadric:
+          return sample_quadric(e, quadrics_[e.index], p, u, out);
+        case EmitterKind::spot:
+          return sample_spot(e, spots_[e.index], p, out);
+        case EmitterKind::infinite:
+          out.distance = kInfinity;
+          out.delta = false;
+          return infinite_[e.index].sample(n, u, out.wi, out.pdf, out.radiance);
+        default:
+          break;
+      }
+    }
+    return MaskOf<F>(false);
+  }
+
+  // Kinds without formulas for eight are asked one by one.
+  Mask8 sample_eight(Mask8 asking, std::size_t number, Float8 chance, const Vec3x8& p, const Vec3x8& n, const Vec2x8& u,
+                     LightSample8& out) const {
+    switch (emitters_[number].kind) {
+      case EmitterKind::sphere:
+      case EmitterKind::triangle:
+      case EmitterKind::parallelogram:
+      case EmitterKind::point:
+      case EmitterKind::distant:
+        return sample_chosen<Float8>(number, chance, p, n, u, out);
+      default:
+        break;
+    }
+    std::uint32_t found = 0;
+    lanes::for_each(asking, [&](std::size_t i) {
+      LightSample one;
+      if (!sample_chosen<float>(number, lanes::get(chance, i), lanes::get(p, i), lanes::get(n, i),
+                                {lanes::get(u.x, i), lanes::get(u.y, i)}, one))
+        return;
+      found |= 1u << i;
+      lanes::put(out.wi, i, one.wi);
+      lanes::put(out.distance, i, one.distance);
+      lanes::put(out.radiance, i, one.radiance);
+      lanes::put(out.pdf, i, one.pdf);
+      lanes::put(out.weight_pdf, i, one.weight_pdf);
+      if (one.delta) out.delta = out.delta || lanes::from_mask_bits(1u << i);
+    });
+    return lanes::from_mask_bits(found);
   }
 
   std::uint32_t add(const EmitterAndBounds& e) {

@@ -3,6 +3,7 @@
 #include <memory>
 #include <span>
 
+#include "base/lanes.h"
 #include "base/log.h"
 #include "cloudrenderer/math.h"
 #include "parts/part.h"
@@ -10,16 +11,19 @@
 
 namespace cloudrenderer {
 
-// A chosen light, as seen from a point.
-struct LightSample {
-  Vec3 wi{};           // unit, towards the light
-  float distance = 0;  // to the point on the light, or infinity; a shadow ray ends just before it
-  Rgb radiance{0};     // emitted towards the point; delta lights: intensity over distance^2, or so
-  float pdf = 0;       // by solid angle, times the chance of the light; delta lights: that chance
+// A chosen light, as seen from a point; F: float or Float8.
+template <class F>
+struct LightSampleOf {
+  Vec3Of<F> wi{};  // unit, towards the light
+  F distance = 0;  // to the point on the light, or infinity; a shadow ray ends just before it
+  Vec3Of<F> radiance{F(0)};  // emitted towards the point; delta lights: intensity over distance^2, or so
+  F pdf = 0;  // by solid angle, times the chance of the light; delta lights: that chance
   // By solid angle: what weighs against the BSDF's density. As pdf, but for disks of pbrt-v2.
-  float weight_pdf = 0;
-  bool delta = false;
+  F weight_pdf = 0;
+  MaskOf<F> delta{false};
 };
+using LightSample = LightSampleOf<float>;
+using LightSample8 = LightSampleOf<Float8>;
 
 // All lights of a scene, and how one is chosen at a point. Built from the description and the main
 // scene's emissive shapes; immutable, any thread. Lights are numbered: infinite and delta lights,
@@ -48,6 +52,9 @@ class Lights {
   // nothing can arrive. A pure function of its arguments.
   virtual bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u,
                       LightSample& out) const = 0;
+  // The same for the `active` ones of eight points: the same bits in each lane.
+  virtual Mask8 sample(Mask8 active, const Vec3x8& p, const Vec3x8& n, Float8 u_light, const Vec2x8& u,
+                       LightSample8& out) const = 0;
 
   // Radiance that arrives along `direction` (unit) from outside the scene: all infinite lights.
   // pdf is what sample(p, n) has for this direction (chance of the lights included).

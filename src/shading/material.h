@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -48,8 +49,19 @@ class Shading {
   virtual Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo,
                     const Footprint& footprint) const = 0;
 
+  // Materials of the same kind can be shaded eight at once: constants, whose lobes agree in everything
+  // but numbers. 0: the material has no such kind.
+  virtual std::uint32_t kind(std::uint32_t material) const = 0;
+  std::uint32_t kinds() const { return kinds_; }  // every kind is below this
+  // The same scattering as above for eight points of materials of one kind.
+  virtual Bsdf8 bsdf(const std::array<std::uint32_t, kLanes>& materials, const Vec3x8& ns, const Vec3x8& ng,
+                     const Vec3x8& wo) const = 0;
+
   // Value of an alpha texture at uv (point filtered); index into SceneDescription::textures.
   virtual float alpha(std::uint32_t texture, const Vec2& uv, const Vec3& p) const = 0;
+
+ protected:
+  std::uint32_t kinds_ = 1;
 };
 
 }  // namespace cloudrenderer

@@ -42,6 +42,7 @@ struct MaterialRecord {
   TexturedFloat bump;
   TextureNeeds needs;
   int depth = 1;  // of mixes
+  std::uint32_t kind = 0;  // see Shading::kind
 };
 
 struct MaterialInputs {

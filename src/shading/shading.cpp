@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "shading/material.h"
 #include "shading/material_kinds.h"
 
@@ -41,6 +43,14 @@ Frame tangent_frame(const SurfacePoint& point) {
   return {unit, glm::cross(point.ns, unit), point.ns};
 }
 
+// Lobes that agree in everything but numbers.
+bool same_kind(std::span<const Lobe> a, std::span<const Lobe> b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Lobe& x, const Lobe& y) {
+    return x.kind == y.kind && x.distribution == y.distribution && x.fresnel == y.fresnel && x.transmits == y.transmits &&
+           x.scale_radiance == y.scale_radiance;
+  });
+}
+
 class SceneShading final : public Shading {
  public:
   SceneShading(const SceneDescription& scene, const Options& options, Warnings& warnings)
@@ -48,6 +58,7 @@ class SceneShading final : public Shading {
         records_(build_materials(scene, textures_, warnings)),
         bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f) {
     for (const MaterialRecord& r : records_) needs_ |= r.needs;
+    number_kinds();
   }
 
   bool needs_footprint() const override { return needs_.footprint; }
@@ -63,6 +74,25 @@ class SceneShading final : public Shading {
     if (r && (r->textured || r->has_bump)) return textured(*r, point, wo, footprint);
     Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
     if (r) b.add(std::span<const Lobe>(r->lobes));
+    b.finish(wo);
+    return b;
+  }
+
+  std::uint32_t kind(std::uint32_t material) const override {
+    return material < records_.size() ? records_[material].kind : 0;
+  }
+
+  Bsdf8 bsdf(const std::array<std::uint32_t, kLanes>& materials, const Vec3x8& ns, const Vec3x8& ng,
+             const Vec3x8& wo) const override {
+    Bsdf8 b(FrameOf<Float8>(ns), ng);
+    const MaterialRecord& first = records_[materials[0]];
+    const bool one = std::all_of(materials.begin(), materials.end(), [&](std::uint32_t m) { return m == materials[0]; });
+    for (std::size_t i = 0; i < first.lobes.size(); ++i) {
+      LobeOf<Float8> lobe = bsdf::in_all_lanes(first.lobes[i]);
+      if (!one)
+        for (std::size_t lane = 1; lane < kLanes; ++lane) bsdf::put(lobe, lane, records_[materials[lane]].lobes[i]);
+      b.add(lobe);
+    }
     b.finish(wo);
     return b;
   }
@@ -90,6 +120,19 @@ class SceneShading final : public Shading {
     }
     b.finish(wo);
     return b;
+  }
+
+  void number_kinds() {
+    std::vector<const MaterialRecord*> firsts;
+    for (MaterialRecord& r : records_) {
+      if (!r.material || r.textured || r.has_bump || r.tangents || r.lobes.empty() ||
+          !std::all_of(r.lobes.begin(), r.lobes.end(), eight_wide))
+        continue;
+      const auto same = std::find_if(firsts.begin(), firsts.end(),
+                                     [&](const MaterialRecord* f) { return same_kind(r.lobes, f->lobes); });
+      r.kind = same != firsts.end() ? (*same)->kind : kinds_++;
+      if (same == firsts.end()) firsts.push_back(&r);
+    }
   }
 
   TextureSet textures_;  // before the records, whose materials point to textures

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstdint>
 
+#include "base/lanes.h"
 #include "shapes/geometry.h"
 
 namespace cloudrenderer {
@@ -24,29 +25,41 @@ inline float next_float_down(float x) { return -next_float_up(-x); }
 
 // What takes p out of its error box along ng, rounding of the sum included: no ray that starts at p + this finds the
 // surface it comes from (Pharr, Jakob and Humphreys, "Physically Based Rendering", 3rd ed., section 3.9.5).
-inline Vec3 ray_offset(const Vec3& p, const Vec3& p_error, const Vec3& ng) {
-  const Vec3 size = glm::abs(p);
+template <class F>
+Vec3Of<F> ray_offset(const Vec3Of<F>& p, const Vec3Of<F>& p_error, const Vec3Of<F>& ng) {
+  const Vec3Of<F> size = lanes::abs(p);
   // A plane through a zero coordinate has no rounding error; but Embree accepts hits at a distance of 0.
-  const float least = 0x1p-60f * (size.x + size.y + size.z) + 1e-30f;
-  return (glm::dot(glm::abs(ng), p_error + 0x1p-23f * size) + least) * ng;
+  const F least = 0x1p-60f * (size.x + size.y + size.z) + 1e-30f;
+  return (glm::dot(lanes::abs(ng), p_error + F(0x1p-23f) * size) + least) * ng;
 }
 // Where a ray along `direction` starts: on that side of ng. `offset` as above.
-inline Vec3 ray_start(const Vec3& p, const Vec3& offset, const Vec3& ng, const Vec3& direction) {
-  return glm::dot(direction, ng) < 0.f ? p - offset : p + offset;
+template <class F>
+Vec3Of<F> ray_start(const Vec3Of<F>& p, const Vec3Of<F>& offset, const Vec3Of<F>& ng, const Vec3Of<F>& direction) {
+  return lanes::select(glm::dot(direction, ng) < 0.f, p - offset, p + offset);
 }
 inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& p_error, const Vec3& ng, const Vec3& direction) {
   return ray_start(p, ray_offset(p, p_error, ng), ng, direction);
 }
 
-// A unit vector along v, also where the squared length leaves the range of floats; the zero vector
-// for zero or NaN.
-inline Vec3 safe_normalize(const Vec3& v) {
-  const float length2 = glm::dot(v, v);
-  if (length2 > 1e-30f && length2 < 1e30f) return v * (1.f / std::sqrt(length2));
+// A unit vector along v, also where the squared length leaves the range of floats; the zero vector for zero or NaN.
+inline Vec3 normalize_extreme(const Vec3& v) {
   const float largest = std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z)));
   if (!(largest > 0.f && largest < kInfinity)) return Vec3(0.f);
   const Vec3 scaled = v / largest;
   return scaled * (1.f / std::sqrt(glm::dot(scaled, scaled)));
+}
+// v * (1 / length), and where that leaves the range of floats what `extreme(lane)` says.
+template <class F, class Extreme>
+Vec3Of<F> normalize_or(const Vec3Of<F>& v, Extreme extreme) {
+  const F length2 = glm::dot(v, v);
+  const MaskOf<F> usual = length2 > 1e-30f && length2 < 1e30f;
+  Vec3Of<F> out = v * (1.f / lanes::sqrt(length2));
+  if (lanes::any(!usual)) lanes::for_each(!usual, [&](std::size_t i) { lanes::put(out, i, extreme(i)); });
+  return out;
+}
+template <class F>
+Vec3Of<F> safe_normalize(const Vec3Of<F>& v) {
+  return normalize_or(v, [&](std::size_t i) { return normalize_extreme(lanes::get(v, i)); });
 }
 
 // A point of a prototype as a point of the world. Normals keep their side, as in pbrt, also when

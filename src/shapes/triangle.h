@@ -7,22 +7,30 @@
 
 namespace cloudrenderer {
 
-// The corners of one triangle; normals and uvs are read only where the flags say so.
-struct TriangleVertices {
-  std::array<Vec3, 3> p;
-  std::array<Vec3, 3> n;
-  std::array<Vec2, 3> uv;
+// The corners of one triangle, or of eight; normals and uvs are read only where the flags say so. In lanes without
+// normals or uvs these are zero or (0,0) (1,0) (1,1).
+template <class F>
+struct TriangleVerticesOf {
+  std::array<Vec3Of<F>, 3> p;
+  std::array<Vec3Of<F>, 3> n;
+  std::array<Vec2Of<F>, 3> uv;
   bool has_normals = false, has_uvs = false;
+};
+using TriangleVertices = TriangleVerticesOf<float>;
+
+// What every vertex of a path needs of a triangle.
+template <class F>
+struct TrianglePointOf {
+  Vec3Of<F> p, p_error, ng, ns;  // as in SurfacePoint
+  Vec3Of<F> cross;               // unit, of the edges as they are
+  Vec3Of<F> n;                   // interpolated normal as it is; unset without normals
 };
 
 namespace triangle_detail {
 
 // The cross product of two edges, unit length; also for triangles so small that the product
 // underflows.
-inline Vec3 unit_normal(const Vec3& e0, const Vec3& e1) {
-  const Vec3 n = glm::cross(e0, e1);
-  const float length2 = glm::dot(n, n);
-  if (length2 > 1e-30f && length2 < 1e30f) return n * (1.f / std::sqrt(length2));
+inline Vec3 extreme_normal(const Vec3& e0, const Vec3& e1) {
   const auto largest = [](const Vec3& v) {
     return std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z)));
   };
@@ -30,6 +38,10 @@ inline Vec3 unit_normal(const Vec3& e0, const Vec3& e1) {
   if (!(s0 > 0.f && s1 > 0.f)) return {0.f, 0.f, 1.f};
   const Vec3 unit = safe_normalize(glm::cross(e0 / s0, e1 / s1));
   return unit == Vec3(0.f) ? Vec3(0.f, 0.f, 1.f) : unit;
+}
+template <class F>
+Vec3Of<F> unit_normal(const Vec3Of<F>& e0, const Vec3Of<F>& e1) {
+  return normalize_or(glm::cross(e0, e1), [&](std::size_t i) { return extreme_normal(lanes::get(e0, i), lanes::get(e1, i)); });
 }
 
 }  // namespace triangle_detail
@@ -39,46 +51,61 @@ inline Vec3 unit_normal(const Vec3& e0, const Vec3& e1) {
 //   or degenerate;
 // normals do not matter to it. pbrt-v3's is the cross product of the edges, and is then put on the
 // side of the shading normal. (Mesh normals already carry their sign, see make_geometry.)
-//   Without `derivatives` the fields dpdu to shading_dpdv stay zero; any frame around ns serves an
-//   isotropic BSDF.
-[[gnu::always_inline]] inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u,
-                                   float v, bool derivatives = true) {
-  const Vec3 &a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
-  const float w = 1.f - u - v;
-  const Vec3 pa = w * a, pb = u * b, pc = v * c;
-  SurfacePoint s;
+template <class F>
+[[gnu::always_inline]] inline TrianglePointOf<F> triangle_basics(const TriangleVerticesOf<F>& tri, MaskOf<F> flip, Dialect dialect,
+                                                                 F u, F v) {
+  const Vec3Of<F>&a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
+  const F w = 1.f - u - v;
+  const Vec3Of<F> pa = w * a, pb = u * b, pc = v * c;
+  TrianglePointOf<F> s;
   s.p = pa + pb + pc;
   // "Physically Based Rendering", 3rd ed., section 3.9.4: seven roundings from the barycentrics to
   // p.
-  s.p_error = rounding_gamma(7) * (glm::abs(pa) + glm::abs(pb) + glm::abs(pc));
+  s.p_error = F(rounding_gamma(7)) * (lanes::abs(pa) + lanes::abs(pb) + lanes::abs(pc));
 
-  const Vec3 e0 = a - c, e1 = b - c;
-  const Vec3 cross = triangle_detail::unit_normal(e0, e1);
+  s.cross = triangle_detail::unit_normal(a - c, b - c);
+  MaskOf<F> turned = flip;
+  if (tri.has_uvs && dialect == Dialect::v2) {
+    const Vec2Of<F> d0 = tri.uv[0] - tri.uv[2], d1 = tri.uv[1] - tri.uv[2];
+    const F determinant = d0.x * d1.y - d0.y * d1.x;
+    turned = flip != !(determinant > 0.f);
+  }
+  s.ng = lanes::select(turned, -s.cross, s.cross);
+  s.ns = s.ng;
+  if (tri.has_normals) {
+    s.n = w * tri.n[0] + u * tri.n[1] + v * tri.n[2];
+    const Vec3Of<F> unit = safe_normalize(s.n);
+    const MaskOf<F> given = !lanes::is_black(unit);
+    s.ns = lanes::select(given, unit, s.ns);
+    if (dialect == Dialect::v3) s.ng = lanes::select(given && glm::dot(s.ng, s.ns) < 0.f, -s.ng, s.ng);
+  }
+  return s;
+}
+
+// The whole surface point. Without `derivatives` the fields dpdu to shading_dpdv stay zero; any frame around ns serves
+// an isotropic BSDF.
+[[gnu::always_inline]] inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u,
+                                                          float v, bool derivatives = true) {
+  const TrianglePointOf<float> basics = triangle_basics(tri, flip, dialect, u, v);
+  SurfacePoint s;
+  s.p = basics.p;
+  s.p_error = basics.p_error;
+  s.ng = basics.ng;
+  s.ns = basics.ns;
   Vec2 d0{-1.f, -1.f}, d1{0.f, -1.f};  // uv differences of the default uvs (0,0) (1,0) (1,1)
   float determinant = 1.f;
   if (tri.has_uvs) {
     d0 = tri.uv[0] - tri.uv[2];
     d1 = tri.uv[1] - tri.uv[2];
     determinant = d0.x * d1.y - d0.y * d1.x;
-    s.uv = w * tri.uv[0] + u * tri.uv[1] + v * tri.uv[2];
+    s.uv = (1.f - u - v) * tri.uv[0] + u * tri.uv[1] + v * tri.uv[2];
   } else {
     s.uv = {u + v, v};
   }
-  const bool turned = flip != (dialect == Dialect::v2 && !(determinant > 0.f));
-  s.ng = turned ? -cross : cross;
-  s.ns = s.ng;
-
-  Vec3 n{0.f};
-  if (tri.has_normals) {
-    n = w * tri.n[0] + u * tri.n[1] + v * tri.n[2];
-    const Vec3 unit = safe_normalize(n);
-    if (unit != Vec3(0.f)) {
-      s.ns = unit;
-      if (dialect == Dialect::v3 && glm::dot(s.ng, s.ns) < 0.f) s.ng = -s.ng;
-    }
-  }
   if (!derivatives) return s;
 
+  const Vec3 &a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
+  const Vec3 e0 = a - c, e1 = b - c, cross = basics.cross, n = tri.has_normals ? basics.n : Vec3(0.f);
   const float inverse = 1.f / determinant;
   const bool has_map = determinant != 0.f && std::isfinite(inverse);
   if (has_map) {

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "base/lanes.h"
 #include "cloudrenderer/math.h"
 
 namespace cloudrenderer {
@@ -26,11 +27,22 @@ struct TraceRay {
   Vec3 direction;
 };
 
+// Eight rays in lanes.
+struct RayPacket {
+  Vec3x8 origin;
+  Float8 t_max;
+  Vec3x8 direction;
+};
+// Whether the rays of a packet start and go alike; says how to trace them, not what is found.
+enum class Coherence : std::uint8_t { alike, any };
+
 // True for rays that Embree may see: finite, below 1e18, direction not null. Everything else hits nothing.
-inline bool traceable(const Vec3& o, const Vec3& d) {
-  const float m = std::max({std::fabs(o.x), std::fabs(o.y), std::fabs(o.z), std::fabs(d.x), std::fabs(d.y), std::fabs(d.z)});
-  const float s = o.x + o.y + o.z + d.x + d.y + d.z;  // std::max may pass over a NaN, the sum does not
-  return m < 1e18f && s == s && (d.x != 0.f || d.y != 0.f || d.z != 0.f);
+template <class F>
+MaskOf<F> traceable(const Vec3Of<F>& o, const Vec3Of<F>& d) {
+  using lanes::abs, lanes::max;
+  const F m = max(max(max(abs(o.x), abs(o.y)), max(abs(o.z), abs(d.x))), max(abs(d.y), abs(d.z)));
+  const F s = o.x + o.y + o.z + d.x + d.y + d.z;  // max() may pass over a NaN, the sum does not
+  return m < 1e18f && s == s && !lanes::is_black(d);
 }
 
 }  // namespace cloudrenderer

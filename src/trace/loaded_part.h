@@ -28,15 +28,18 @@ class LoadedPart {
   bool has_alpha() const { return has_alpha_; }
   // True if the ray surely misses the quadric between 0 and t_far: a test in float against a sphere around it, before
   // the exact one in double.
-  bool surely_misses(std::uint32_t quadric, const Vec3& origin, const Vec3& direction, float t_far) const;
+  // F: one ray, or eight in lanes.
+  template <class F>
+  MaskOf<F> surely_misses(std::uint32_t quadric, const Vec3Of<F>& origin, const Vec3Of<F>& direction, F t_far) const;
 
   // The part holds a few quadrics and nothing else (a lamp in the main scene): asking whether a ray surely misses them
   // all is cheaper than asking Embree.
   bool few_quadrics() const { return few_quadrics_; }
-  bool surely_misses(const TraceRay& ray, float t_far) const {
-    for (std::uint32_t i = 0; i < around_.size(); ++i)
-      if (!surely_misses(i, ray.origin, ray.direction, t_far)) return false;
-    return true;
+  template <class F>
+  MaskOf<F> surely_misses(const Vec3Of<F>& origin, const Vec3Of<F>& direction, F t_far) const {
+    MaskOf<F> misses(true);
+    for (std::uint32_t i = 0; i < around_.size(); ++i) misses = misses && surely_misses(i, origin, direction, t_far);
+    return misses;
   }
 
   // Global ids of a hit in this part; instance: kNone or an index.
@@ -67,20 +70,23 @@ class LoadedPart {
   SceneHandle scene_;
 };
 
-inline bool LoadedPart::surely_misses(std::uint32_t quadric, const Vec3& origin, const Vec3& direction, float t_far) const {
+template <class F>
+MaskOf<F> LoadedPart::surely_misses(std::uint32_t quadric, const Vec3Of<F>& origin, const Vec3Of<F>& direction,
+                                    F t_far) const {
   const BoundingSphere& s = around_[quadric];
-  const Vec3 to_center = s.center - origin;
+  const Vec3Of<F> center(s.center), to_center = center - origin;
   // Rounding of the difference, and of what follows, is far below this.
-  const Vec3 size = glm::abs(s.center) + glm::abs(origin);
-  const float radius = s.radius + 2e-6f * (size.x + size.y + size.z);
-  const float length2 = glm::dot(direction, direction);
-  const float nearest = glm::dot(to_center, direction) / length2;
-  const Vec3 off = to_center - nearest * direction;
-  const float half_chord2 = radius * radius - glm::dot(off, off);
-  if (half_chord2 < 0.f) return true;
-  const float half_chord = std::sqrt(half_chord2 / length2);
+  const Vec3Of<F> size = lanes::abs(center) + lanes::abs(origin);
+  const F radius = s.radius + 2e-6f * (size.x + size.y + size.z);
+  const F length2 = glm::dot(direction, direction);
+  const F nearest = glm::dot(to_center, direction) / length2;
+  const Vec3Of<F> off = to_center - nearest * direction;
+  const F half_chord2 = radius * radius - glm::dot(off, off);
+  const MaskOf<F> aside = half_chord2 < 0.f;
+  if (!lanes::any(!aside)) return aside;
+  const F half_chord = lanes::sqrt(half_chord2 / length2);
   // Written so that NaN (overflow) is no miss.
-  return nearest - half_chord > t_far || nearest + half_chord < 0.f;
+  return aside || nearest - half_chord > t_far || nearest + half_chord < 0.f;
 }
 
 // What the filter and the user geometry find behind Embree's context while one query runs.
@@ -98,7 +104,10 @@ struct QueryContext {
 // Where a ray must end so that a hit at t is still offered. Embree compares numerators (T <= |den| * t_far), which
 // loses half of the hits that tie with the best one by rounding; and the box of a triangle that ties at a vertex may begin
 // behind the computed distance of that vertex, by more than the few ulps that its robust box test forgives.
-inline float reach(float t) { return t * (1.f + 0x1p-16f); }
+template <class F>
+F reach(F t) {
+  return t * (1.f + 0x1p-16f);
+}
 
 inline constexpr std::uint32_t kForeign = 0xfffffffeu;
 

@@ -50,31 +50,36 @@ RTCRay single_ray(const TraceRay& ray, float t_far) {
   return r;
 }
 
-// The rays of a packet that do not surely miss the part; t_far(i): where ray i ends.
-template <class End>
-std::uint32_t that_may_hit(const LoadedPart& part, const TraceRay* const* rays, std::uint32_t active, End t_far) {
+// The rays of a packet that do not surely miss the part.
+std::uint32_t that_may_hit(const LoadedPart& part, const RayPacket& rays, std::uint32_t active, Float8 t_far) {
   if (!part.few_quadrics()) return active;
-  for (std::uint32_t left = active; left; left &= left - 1) {
-    const auto i = static_cast<std::size_t>(std::countr_zero(left));
-    if (part.surely_misses(*rays[i], t_far(i))) active &= ~(1u << i);
-  }
-  return active;
+  return active & ~lanes::to_bits(part.surely_misses(rays.origin, rays.direction, t_far));
 }
 
+// Embree's packet. Lanes that are off still get the numbers of one that is on: Embree reads them before it masks them.
 template <class Rays>
-void fill_lane(Rays& r, int i, const TraceRay& ray, float t_far) {
-  r.org_x[i] = ray.origin.x;
-  r.org_y[i] = ray.origin.y;
-  r.org_z[i] = ray.origin.z;
-  r.tnear[i] = 0;
-  r.dir_x[i] = ray.direction.x;
-  r.dir_y[i] = ray.direction.y;
-  r.dir_z[i] = ray.direction.z;
-  r.time[i] = 0;
-  r.tfar[i] = t_far;
-  r.mask[i] = 0xffffffffu;
-  r.id[i] = static_cast<unsigned>(i);
-  r.flags[i] = 0;
+void fill(Rays& r, int* valid, const RayPacket& rays, std::uint32_t active, Float8 t_far) {
+  const auto on = static_cast<std::size_t>(std::countr_zero(active));
+  const Mask8 mask = lanes::from_mask_bits(active);
+  const auto put = [&](float* to, Float8 x) {
+    if (active != 0xffu) x = lanes::select(mask, x, lanes::get(x, on));
+    x.store(to);
+  };
+  put(r.org_x, rays.origin.x);
+  put(r.org_y, rays.origin.y);
+  put(r.org_z, rays.origin.z);
+  put(r.dir_x, rays.direction.x);
+  put(r.dir_y, rays.direction.y);
+  put(r.dir_z, rays.direction.z);
+  put(r.tfar, t_far);
+  for (int i = 0; i < 8; ++i) {
+    valid[i] = (active >> i) & 1u ? -1 : 0;
+    r.tnear[i] = 0;
+    r.time[i] = 0;
+    r.mask[i] = 0xffffffffu;
+    r.id[i] = static_cast<unsigned>(i);
+    r.flags[i] = 0;
+  }
 }
 
 }  // namespace
@@ -87,7 +92,7 @@ const Part& ResidentSet::prototype(std::uint32_t part, std::uint32_t instance) c
 bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit) const {
   const LoadedPart& part = *parts_[part_id];
   const float t_far = std::min(ray.t_max, reach(hit.t));
-  if (part.few_quadrics() && part.surely_misses(ray, t_far)) return false;
+  if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, t_far)) return false;
   QueryContext::Lane lane = lane_of(hit);
   QueryContext context = make_context(part, &lane, false);
   RTCRayHit rh;
@@ -100,58 +105,50 @@ bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit
   return true;
 }
 
-void ResidentSet::intersect8(std::uint32_t part_id, const TraceRay* const* rays, Hit* const* hits,
-                             std::uint32_t active) const {
+void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::uint32_t active, Coherence coherence,
+                             Hit* hits) const {
   const LoadedPart& part = *parts_[part_id];
-  active = that_may_hit(part, rays, active, [&](std::size_t i) { return std::min(rays[i]->t_max, reach(hits[i]->t)); });
+  alignas(32) float known[8];
+  for (int i = 0; i < 8; ++i) known[i] = hits[i].t;
+  const Float8 t_far = lanes::min(rays.t_max, reach(Float8::load(known)));
+  active = that_may_hit(part, rays, active, t_far);
   if (!active) return;
   QueryContext::Lane lanes[8];
-  QueryContext context = make_context(part, lanes, true);
+  QueryContext context = make_context(part, lanes, coherence == Coherence::alike);
   RTCRayHit8 rh;
   alignas(32) int valid[8];
+  fill(rh.ray, valid, rays, active, t_far);
   for (int i = 0; i < 8; ++i) {
-    const bool on = (active >> i) & 1u;
-    valid[i] = on ? -1 : 0;
-    // Lanes that are off still get numbers: Embree reads them before it masks them.
-    const int from = on ? i : std::countr_zero(active);
-    lanes[i] = lane_of(*hits[from]);
-    fill_lane(rh.ray, i, *rays[from], std::min(rays[from]->t_max, reach(hits[from]->t)));
+    lanes[i] = lane_of(hits[i]);
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
   rtcIntersect8(valid, part.scene(), &context.embree, &rh);
   for (int i = 0; i < 8; ++i)
     if (valid[i] && rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID)
-      take_hit(part, part_id, lanes[i], rh.hit.u[i], rh.hit.v[i], *hits[i]);
+      take_hit(part, part_id, lanes[i], rh.hit.u[i], rh.hit.v[i], hits[i]);
 }
 
 bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
   const LoadedPart& part = *parts_[part_id];
-  if (part.few_quadrics() && part.surely_misses(ray, ray.t_max)) return false;
+  if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, ray.t_max)) return false;
   QueryContext context = make_context(part, nullptr, false);
   RTCRay r = single_ray(ray, ray.t_max);
   rtcOccluded1(part.scene(), &context.embree, &r);
   return r.tfar < 0;
 }
 
-std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const TraceRay* const* rays, std::uint32_t active) const {
+std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const RayPacket& rays, std::uint32_t active) const {
   const LoadedPart& part = *parts_[part_id];
-  active = that_may_hit(part, rays, active, [&](std::size_t i) { return rays[i]->t_max; });
+  active = that_may_hit(part, rays, active, rays.t_max);
   if (!active) return 0;
-  QueryContext context = make_context(part, nullptr, true);
+  // Even to one light rays part early enough that Embree's way for coherent packets takes half as long again.
+  QueryContext context = make_context(part, nullptr, false);
   RTCRay8 r;
   alignas(32) int valid[8];
-  for (int i = 0; i < 8; ++i) {
-    const bool on = (active >> i) & 1u;
-    valid[i] = on ? -1 : 0;
-    const TraceRay& ray = *rays[on ? i : std::countr_zero(active)];
-    fill_lane(r, i, ray, ray.t_max);
-  }
+  fill(r, valid, rays, active, rays.t_max);
   rtcOccluded8(valid, part.scene(), &context.embree, &r);
-  std::uint32_t blocked = 0;
-  for (int i = 0; i < 8; ++i)
-    if (valid[i] && r.tfar[i] < 0) blocked |= 1u << i;
-  return blocked;
+  return active & lanes::to_bits(Float8::load(r.tfar) < 0.f);
 }
 
 Resident::Resident(const Options& options)

@@ -31,12 +31,12 @@ class ResidentSet {
   // Nearest hit in one part with t <= hit.t that comes before `hit` in the order (t, shape, primitive); updates hit
   // and returns true if there is one. The ray is traceable().
   bool intersect(std::uint32_t part, const TraceRay& ray, Hit& hit) const;
-  // The same for up to 8 rays that start and go alike; active: bit mask. hits[i] are updated.
-  void intersect8(std::uint32_t part, const TraceRay* const* rays, Hit* const* hits, std::uint32_t active) const;
+  // The same for up to 8 rays; active: bit mask. hits[i] are updated. The same bits as ray by ray.
+  void intersect8(std::uint32_t part, const RayPacket& rays, std::uint32_t active, Coherence coherence, Hit* hits) const;
   // Anything of the part within (0, ray.t_max)?
   bool occluded(std::uint32_t part, const TraceRay& ray) const;
   // Bit mask of the active rays that are blocked.
-  std::uint32_t occluded8(std::uint32_t part, const TraceRay* const* rays, std::uint32_t active) const;
+  std::uint32_t occluded8(std::uint32_t part, const RayPacket& rays, std::uint32_t active) const;
 
  private:
   friend class Resident;

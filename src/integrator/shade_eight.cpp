@@ -1,0 +1,109 @@
+// Vertices eight at once: gathers what the formulas of shade.cpp need into lanes.
+#include "integrator/shader.h"
+#include "shapes/triangle.h"
+
+namespace cloudrenderer {
+
+PathTracer::EightShader::EightShader(Shader& shader, SegmentBatch& batch)
+    : shader_(shader), batch_(batch), groups_(4 * shader.tracer.shading_->kinds()) {}
+
+bool PathTracer::EightShader::take(std::size_t i) {
+  const Hit& hit = batch_.hits[i];
+  const PathTracer& tracer = shader_.tracer;
+  if (hit.part == kNone || hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion)
+    return false;
+  if (part_number_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) find_chunk(hit);
+  if (group_ == 0) return false;
+  if (shader_.is_over(batch_.segments[i])) {
+    shader_.begin(batch_.segments[i]);
+    shader_.end();
+    return true;
+  }
+  Group& group = groups_[group_];
+  group.segments[group.count] = i;
+  group.chunks[group.count] = chunk_;
+  group.parts[group.count] = part_;
+  if (++group.count == kLanes) shade(group_, group);
+  return true;
+}
+
+void PathTracer::EightShader::find_chunk(const Hit& hit) {
+  part_number_ = hit.part;
+  part_ = &shader_.set.part(hit.part);
+  chunk_ = &part_->chunk_of(hit.index);
+  // pbrt-v2 takes the side of a triangle from its uv map; nothing else here needs one.
+  const bool uvs = chunk_->first_uv != kNone && shader_.tracer.dialect_ == Dialect::v2;
+  const std::uint32_t material = chunk_->light == kNone ? shader_.tracer.shading_->kind(chunk_->material) : 0;
+  group_ = material ? 4 * std::size_t{material} + (chunk_->first_normal != kNone ? 2 : 0) + (uvs ? 1 : 0) : 0;
+}
+
+void PathTracer::EightShader::finish() {
+  for (std::size_t kind = 0; kind < groups_.size(); ++kind)
+    if (groups_[kind].count) shade(kind, groups_[kind]);
+}
+
+void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
+  const PathTracer& tracer = shader_.tracer;
+  const JobSettings& job = tracer.job_;
+  const bool normals = kind & 2u, uvs = kind & 1u;
+  enum Column : std::size_t { kP = 0, kN = 9, kUv = 18, kBarycentric = 24, kWay = 26, kThroughput = 29, kColumns = 32 };
+  Columns<kColumns> in;
+  SampleSequence::Eight sequences;
+  std::array<std::uint32_t, kLanes> vertices;
+  std::array<std::uint32_t, kLanes> materials;
+  std::uint32_t flips = 0;
+  // What is missing to eight is filled up with the first.
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const std::size_t from = lane < group.count ? lane : 0, i = group.segments[from];
+    const MeshChunk& chunk = *group.chunks[from];
+    const PathSegment& s = batch_.segments[i];
+    const Hit& hit = batch_.hits[i];
+    const Part& part = *group.parts[from];
+    const Triangle corners = part.triangles[hit.index];
+    for (int k = 0; k < 3; ++k) {
+      const auto c = static_cast<std::size_t>(k);
+      const std::uint32_t vertex = corners[k], own = vertex - chunk.first_vertex;
+      in.put(kP + 3 * c, lane, part.positions[vertex]);
+      if (normals) in.put(kN + 3 * c, lane, part.normals[chunk.first_normal + own]);
+      if (uvs) in.put(kUv + 2 * c, lane, part.uvs[chunk.first_uv + own]);
+    }
+    in.put(kBarycentric, lane, Vec2(hit.u, hit.v));
+    in.put(kWay, lane, s.direction);
+    in.put(kThroughput, lane, s.throughput);
+    sequences[lane] = SampleSequence(job.sequence, job.seed, s.pixel, s.sample);
+    vertices[lane] = s.vertex;
+    materials[lane] = chunk.material;
+    flips |= static_cast<std::uint32_t>(chunk.flip != 0) << lane;
+  }
+
+  TriangleVerticesOf<Float8> triangle;
+  triangle.has_normals = normals;
+  triangle.has_uvs = uvs;
+  for (std::size_t c = 0; c < 3; ++c) {
+    triangle.p[c] = in.three(kP + 3 * c);
+    if (normals) triangle.n[c] = in.three(kN + 3 * c);
+    if (uvs) triangle.uv[c] = in.two(kUv + 2 * c);
+  }
+  const auto point = triangle_basics<Float8>(triangle, lanes::from_mask_bits(flips), tracer.dialect_, in.one(kBarycentric),
+                                             in.one(kBarycentric + 1));
+  ScatterOf<Float8> v;
+  v.p = point.p;
+  v.ng = point.ng;
+  v.ns = point.ns;
+  v.offset = ray_offset(point.p, point.p_error, point.ng);
+  v.wo = -in.three(kWay);
+  v.throughput = in.three(kThroughput);
+  v.numbers = SampleSequence::get_pairs(sequences, vertices);
+  const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
+  shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
+
+  const ScatterResults results(v);
+  for (std::size_t lane = 0; lane < group.count; ++lane) {
+    const std::size_t i = group.segments[lane];
+    shader_.begin(batch_.segments[i]);
+    shader_.scattered(results, lane, batch_.hits[i].t);
+  }
+  group.count = 0;
+}
+
+}  // namespace cloudrenderer

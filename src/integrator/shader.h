@@ -1,0 +1,182 @@
+#pragma once
+// Inside src/integrator only: what shading a batch is made of.
+#include "integrator/path_tracer.h"
+#include "shapes/surface.h"
+
+namespace cloudrenderer {
+
+// What the four pairs of numbers of a vertex are for.
+enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
+
+// Light that arrives if its ray is free: the rays apart from what they are for.
+struct PathTracer::Shadows {
+  struct Light {
+    Fixed3 contribution;
+    std::uint32_t path;  // index into continuing or ended
+    bool path_ended;
+  };
+  std::vector<OcclusionRay> rays;
+  std::vector<Light> lights;
+};
+
+// A vertex where a path scatters; F: one path's, or eight in lanes.
+template <class F>
+struct ScatterOf {
+  Vec3Of<F> p, ng, ns;
+  Vec3Of<F> offset;  // of new rays, see ray_offset
+  Vec3Of<F> wo;
+  std::array<Vec2Of<F>, 4> numbers;
+  // Before and, where the path goes on, after.
+  Vec3Of<F> throughput;
+
+  // Found by scatter(): light that arrives if its ray is free ...
+  MaskOf<F> lit{false};
+  Vec3Of<F> light_origin, light_direction, light;
+  F light_distance;
+  // ... and the next ray.
+  MaskOf<F> goes_on{false};
+  MaskOf<F> specular{false};
+  Vec3Of<F> side, origin, direction;
+  F pdf;
+};
+
+// What was found at eight vertices, or in lane 0 at one, on its way from lanes back to single paths.
+struct ScatterResults {
+  enum Column : std::size_t { light_origin = 0, light_direction = 3, light = 6, light_distance = 9, side = 10, roulette = 13,
+                              origin = 14, direction = 17, throughput = 20, pdf = 23, columns = 24 };
+  Columns<columns> of;
+  std::uint32_t lit, goes_on, specular;  // a bit a lane
+
+  template <class F>
+  explicit ScatterResults(const ScatterOf<F>& v)
+      : lit(lanes::to_bits(v.lit)), goes_on(lanes::to_bits(v.goes_on)), specular(lanes::to_bits(v.specular)) {
+    if (lit) {
+      keep(light_origin, v.light_origin);
+      keep(light_direction, v.light_direction);
+      keep(light, v.light);
+      keep(light_distance, v.light_distance);
+    }
+    if (goes_on) {
+      keep(side, v.side);
+      keep(roulette, v.numbers[kLobeAndRoulette].y);
+      keep(origin, v.origin);
+      keep(direction, v.direction);
+      keep(throughput, v.throughput);
+      keep(pdf, v.pdf);
+    }
+  }
+
+ private:
+  void keep(std::size_t column, float x) { of.at[column][0] = x; }
+  void keep(std::size_t column, const Vec3& x) { of.put(column, 0, x); }
+  void keep(std::size_t column, const Float8& x) { of.store(column, x); }
+  void keep(std::size_t column, const Vec3x8& x) { of.store(column, x); }
+};
+
+// Shades one batch; holds what the vertices of a batch share.
+struct PathTracer::Shader {
+  const PathTracer& tracer;
+  const ResidentSet& set;
+  ShadeOutput& out;
+  Shadows& shadows;
+
+  // The path under work, in its batch.
+  PathSegment* path = nullptr;
+  std::uint16_t end_flags = 0;
+  std::size_t first_shadow = 0;
+
+  void begin(PathSegment& segment) {
+    path = &segment;
+    end_flags = 0;
+    first_shadow = shadows.lights.size();
+    if (segment.flags & kCameraRay) ++out.counts.camera;
+  }
+  bool to_fixed(Rgb c, Fixed3& fixed) {
+    const float limit = tracer.job_.film.max_sample_luminance;
+    if (limit < kInfinity) {
+      const float y = luminance(c);
+      if (y > limit) c *= limit / y;
+    }
+    if (!is_finite(c)) {
+      ++out.counts.invalid;
+      end_flags |= kEndInvalid;
+      return false;
+    }
+    bool clamped = false;
+    fixed = quantise(c, tracer.job_.k, clamped);
+    if (clamped) {
+      ++out.counts.clamped;
+      end_flags |= kEndClamped;
+    }
+    return true;
+  }
+  void add(const Rgb& c) {
+    if (is_black(c)) return;
+    Fixed3 f;
+    if (!to_fixed(c, f)) return;
+    for (std::size_t i = 0; i < 3; ++i) path->radiance[i] += f[i];
+  }
+  void shadow(const OcclusionRay& ray, const Rgb& c) {
+    if (is_black(c)) return;
+    Fixed3 f;
+    if (!to_fixed(c, f)) return;
+    shadows.rays.push_back(ray);
+    shadows.lights.push_back({f, 0, false});
+  }
+
+  SurfacePoint surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
+  Footprint footprint(const SurfacePoint& p, float t) const;
+  void vertex(const Hit& hit);
+  void escape();
+  void end();
+  void next(const Vec3& origin, const Vec3& direction);
+  void occlusion(const SurfacePoint& p, const Vec3& offset, const SampleSequence& sequence);
+  // True if the path scatters no more at its vertex.
+  bool is_over(const PathSegment& s) const { return (s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices; }
+  // What happens where a path scatters, but for what scattered() does; `active` lanes only.
+  template <class F>
+  void scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
+  bool sample_light(bool active, const Vec3& p, const Vec3& n, float u_light, const Vec2& u, LightSample& sample) const {
+    return active && tracer.lights_->sample(p, n, u_light, u, sample);
+  }
+  Mask8 sample_light(Mask8 active, const Vec3x8& p, const Vec3x8& n, Float8 u_light, const Vec2x8& u,
+                     LightSample8& sample) const {
+    return tracer.lights_->sample(active, p, n, u_light, u, sample);
+  }
+  template <class F>
+  void direct(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
+  // Takes the path under work on from its vertex.
+  void scattered(const ScatterResults& r, std::size_t lane, float t);
+};
+
+// Vertices that wait until there are eight of a kind: triangles that shine not, with or without normals and uvs, of
+// materials of one kind (Shading::kind). What a vertex gives does not depend on the others: a lane has the bits of
+// the scalar formulas.
+class PathTracer::EightShader {
+ public:
+  EightShader(Shader& shader, SegmentBatch& batch);
+  // False if the vertex of segment i is to be shaded by itself.
+  bool take(std::size_t i);
+  void finish();  // shades what still waits
+
+ private:
+  struct Group {
+    std::size_t count = 0;
+    std::array<std::size_t, kLanes> segments;
+    std::array<const MeshChunk*, kLanes> chunks;
+    std::array<const Part*, kLanes> parts;
+  };
+  void find_chunk(const Hit& hit);
+  void shade(std::size_t kind, Group& group);
+
+  Shader& shader_;
+  SegmentBatch& batch_;
+  // Of the hit before: neighbours mostly lie on one mesh.
+  std::uint32_t part_number_ = kNone;
+  const Part* part_ = nullptr;
+  const MeshChunk* chunk_ = nullptr;
+  std::size_t group_ = 0;  // 0: by itself
+  std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,1 @@
+cloudrenderer_test(integrator_tests LABEL unit SOURCES ${CMAKE_CURRENT_LIST_DIR}/integrator_shade_test.cpp LINK cr_integrator)

@@ -1,0 +1,169 @@
+// Eight vertices at once have the bits that each has by itself.
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <random>
+
+#include "shading/bsdf_lobes.h"
+#include "shading_lights_support.h"
+
+namespace cloudrenderer {
+namespace {
+
+using namespace bsdf;
+using test::Uniform;
+
+void expect_bits(float a, float b) { ASSERT_EQ(std::bit_cast<std::uint32_t>(a), std::bit_cast<std::uint32_t>(b)) << a << " " << b; }
+void expect_bits(const Vec3& a, const Vec3& b) {
+  for (int i = 0; i < 3; ++i) expect_bits(a[i], b[i]);
+}
+
+// Lists of lobes of one kind, with numbers that depend on x in [0, 1).
+std::vector<Lobe> lobes(std::size_t kind, float x) {
+  const Rgb color(0.1f + 0.8f * x, 0.5f, 0.9f - 0.7f * x);
+  const Rgb eta(0.2f + x, 0.92f, 1.1f), k(3.9f, 2.45f * x, 2.14f);
+  switch (kind) {
+    case 0:
+      return {lambert(color)};
+    case 1:
+      return {oren_nayar(color, 5.f + 60.f * x)};
+    case 2:
+      return {lambert(color), microfacet(Rgb(x), blinn(0.01f + x), dielectric_one_sided(1.f / 1.5f))};
+    case 3:
+      return {lambert(color), microfacet(color, trowbridge_reitz(0.05f + x, 0.05f + x), dielectric(1.f / 1.5f))};
+    case 4:
+      return {microfacet(Rgb(1.f), blinn(0.3f * x), conductor_v2(eta, k))};
+    case 5:
+      return {microfacet(Rgb(1.f), trowbridge_reitz(0.1f + x, 0.5f), conductor(eta, k)), lambert(Rgb(0.f))};
+    case 6:
+      return {fresnel_blend(color, Rgb(x), trowbridge_reitz(0.2f, 0.1f + x))};
+    default:
+      return {fresnel_blend(color, Rgb(x), blinn_anisotropic(0.1f, 0.01f + x)), lambert(color), microfacet(color, blinn(0.1f), no_fresnel())};
+  }
+}
+constexpr std::size_t kKinds = 8;
+
+Vec3 direction(Uniform& u) { return sample_uniform_sphere<float>(u.pair()); }
+
+TEST(Bsdf8, HasTheBitsOfEachVertex) {
+  Uniform u;
+  int sampled = 0, absorbed = 0;
+  for (std::size_t kind = 0; kind < kKinds; ++kind) {
+    for (int round = 0; round < 400; ++round) {
+      std::array<Bsdf, kLanes> one;
+      std::array<LobeOf<Float8>, Bsdf::kMaxLobes> eight_lobes;
+      Vec3x8 ns, ng, wo, wi;
+      Float8 choice;
+      Vec2x8 numbers;
+      std::size_t count = 0;
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        const std::vector<Lobe> own = lobes(kind, u());
+        count = own.size();
+        for (std::size_t k = 0; k < count; ++k) {
+          ASSERT_TRUE(eight_wide(own[k]));
+          if (i == 0) eight_lobes[k] = in_all_lanes(own[k]);
+          put(eight_lobes[k], i, own[k]);
+        }
+        const Vec3 n = direction(u);
+        // Some views along the surface, some from its back.
+        const Vec3 view = round % 7 == 0 ? Frame(n).s : direction(u);
+        lanes::put(ns, i, n);
+        lanes::put(ng, i, glm::normalize(n + 0.3f * direction(u)));
+        lanes::put(wo, i, view);
+        lanes::put(wi, i, round % 5 == 0 ? -view : direction(u));
+        lanes::put(choice, i, u());
+        lanes::put(numbers.x, i, round % 11 == 0 ? 0.5f : u());
+        lanes::put(numbers.y, i, round % 11 == 0 ? 0.5f : u());
+        one[i] = Bsdf(Frame(n), lanes::get(ng, i));
+        one[i].add(std::span<const Lobe>(own));
+        one[i].finish(view);
+      }
+      Bsdf8 eight(FrameOf<Float8>(ns), ng);
+      for (std::size_t k = 0; k < count; ++k) eight.add(eight_lobes[k]);
+      eight.finish(wo);
+      Float8 pdf;
+      const Vec3x8 f = eight.eval_cos(wo, wi, pdf);
+      const Float8 even = eight.even_pdf(wo, wi);
+      BsdfSampleOf<Float8> sample;
+      const std::uint32_t found = lanes::to_bits(eight.sample(wo, choice, numbers, sample));
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        SCOPED_TRACE("kind " + std::to_string(kind) + " round " + std::to_string(round) + " lane " + std::to_string(i));
+        float p;
+        expect_bits(one[i].eval_cos(lanes::get(wo, i), lanes::get(wi, i), p), lanes::get(f, i));
+        expect_bits(p, lanes::get(pdf, i));
+        expect_bits(one[i].even_pdf(lanes::get(wo, i), lanes::get(wi, i)), lanes::get(even, i));
+        BsdfSample s;
+        const bool is_found = one[i].sample(lanes::get(wo, i), lanes::get(choice, i), lanes::get(numbers, i), s);
+        ASSERT_EQ(is_found, (found >> i & 1u) != 0);
+        ++(is_found ? sampled : absorbed);
+        if (!is_found) continue;
+        expect_bits(s.wi, lanes::get(sample.wi, i));
+        expect_bits(s.weight, lanes::get(sample.weight, i));
+        expect_bits(s.pdf, lanes::get(sample.pdf, i));
+      }
+    }
+  }
+  EXPECT_GT(sampled, 10000);
+  EXPECT_GT(absorbed, 100);
+}
+
+TEST(Lights, EightPointsGetTheBitsOfEach) {
+  using namespace test;
+  const auto add_flat = [](Scene& s) {
+    s.mesh({{0, 0, 2}, {0, 3, 2}, {1, 3, 2}, {1, 0, 2}, {0.3f, 1.1f, 2}}, {{0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}}, Rgb(1));
+    s.mesh({{-3, 0, 2}, {-3, 3, 2}, {-2, 3, 2}, {-2, 0, 2}}, kTwoTriangles, Rgb(2, 1, 0.5f));
+  };
+  const auto add_delta = [](Scene& s) {
+    s.light("point", {color("I", Rgb(3)), point("from", Vec3(1, 2, 3))});
+    s.light("spot", {color("I", Rgb(3)), point("from", Vec3(0, 0, 3)), point("to", Vec3(0))});
+    s.light("distant", {color("L", Rgb(3)), point("from", Vec3(0, 1, 1)), point("to", Vec3(0))});
+  };
+  std::vector<Scene> scenes(5);
+  scenes[0].quadric(sphere({0, 0, 2}, 1.5f), {1, 2, 3});
+  add_flat(scenes[1]);
+  add_delta(scenes[2]);
+  scenes[3].quadric(sphere({0, 0, 2}, 0.5f), {1, 2, 3}).light("infinite", {color("L", Rgb(0.5f))});
+  add_flat(scenes[3]);
+  add_delta(scenes[3]);
+  // More than are listed one by one.
+  for (int i = 0; i < 40; ++i) scenes[4].quadric(sphere({static_cast<float>(i), 0, 2}, 0.2f), Rgb(1));
+  Uniform u;
+  int found = 0;
+  for (std::size_t number = 0; number < scenes.size(); ++number) {
+    const auto lights = scenes[number].build();
+    for (int round = 0; round < 300; ++round) {
+      Vec3x8 p, n;
+      Float8 choice;
+      Vec2x8 numbers;
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        lanes::put(p, i, 3.f * direction(u));
+        lanes::put(n, i, i == 3 ? Vec3(0.f) : direction(u));
+        lanes::put(choice, i, u());
+        lanes::put(numbers.x, i, u());
+        lanes::put(numbers.y, i, u());
+      }
+      const std::uint32_t active = round % 3 ? 0xffu : 0x5bu;
+      LightSample8 eight;
+      const std::uint32_t arrives =
+          lanes::to_bits(lights->sample(lanes::from_mask_bits(active), p, n, choice, numbers, eight));
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        SCOPED_TRACE("scene " + std::to_string(number) + " round " + std::to_string(round) + " lane " + std::to_string(i));
+        LightSample s;
+        const bool one = (active >> i & 1u) && lights->sample(lanes::get(p, i), lanes::get(n, i), lanes::get(choice, i), lanes::get(numbers, i), s);
+        ASSERT_EQ(one, (arrives >> i & 1u) != 0);
+        if (!one) continue;
+        ++found;
+        expect_bits(s.wi, lanes::get(eight.wi, i));
+        expect_bits(s.distance, lanes::get(eight.distance, i));
+        expect_bits(s.radiance, lanes::get(eight.radiance, i));
+        expect_bits(s.pdf, lanes::get(eight.pdf, i));
+        expect_bits(s.weight_pdf, lanes::get(eight.weight_pdf, i));
+        ASSERT_EQ(s.delta, (lanes::to_bits(eight.delta) >> i & 1u) != 0);
+      }
+    }
+  }
+  EXPECT_GT(found, 3000);
+}
+
+}  // namespace
+}  // namespace cloudrenderer
