@@ -76,6 +76,7 @@ class RenderRun {
       folder_ = temporary_->path();
       interrupts_.set_handler([this] {
         temporary_.reset();
+        spdlog::warn("interrupted while the scene was read: there is nothing to write yet");
         _exit(5);
       });
       manifest_ = std::make_shared<Manifest>(
@@ -190,7 +191,7 @@ class RenderRun {
 
   void interrupt() {
     if (shut_) return io_.stop();
-    if (interrupted_) return fail("interrupted twice");
+    if (interrupted_) return shut();  // the picture is kept, but no host is waited for
     interrupted_ = true;
     manager_->core().cancel("interrupted", clock_.now());
     manager_->drain();
@@ -364,9 +365,7 @@ class RenderRun {
       out.checkpoint = interrupt_checkpoint_;
       try {
         // That of another run, which may have got further, is not ours to lose.
-        if (std::filesystem::exists(out.checkpoint))
-          std::filesystem::rename(out.checkpoint, out.checkpoint + "~");
-        write_file_atomically(out.checkpoint, whole_checkpoint(core, job_));
+        out.checkpoint = write_beside(out.checkpoint, whole_checkpoint(core, job_));
       } catch (const std::system_error& e) {
         out.checkpoint_error =
             "cannot write the checkpoint " + out.checkpoint + ": " + e.code().message();
