@@ -16,7 +16,7 @@ from support import measure
 KILLS = int(os.environ.get("CLOUDRENDERER_KILLS", 2))
 SEED = int(os.environ.get("CLOUDRENDERER_KILL_SEED", 1))
 SIZE = "256x256" if KILLS > 2 else "128x128"
-FRAME = 50 if KILLS > 2 else 2  # seconds of two undisturbed processors, at least
+FRAME = 80 if KILLS > 2 else 2  # seconds of two undisturbed processors, at least
 WORKERS = 3
 LONGEST = 7                      # seconds between a start and the next kill
 MOST_LOST = 10                   # seconds of the whole cluster's work
