@@ -49,7 +49,9 @@ void Session::start(Handlers handlers) {
       session->finish("it did not introduce itself in time");
   });
   asio::co_spawn(stream_->executor(), run(), [self](std::exception_ptr error) {
-    if (error) self->finish(reason_of(error));
+    if (!error) return;
+    self->only_looked_ = !self->closed_ && self->bytes_received_ == 0;
+    self->finish(reason_of(error));
   });
 }
 

@@ -229,7 +229,7 @@ class Hostile(support.ClusterTest):
         self.assertEqual([reason for reason in REASONS if reason not in text], [], f"never said, seed {SEED}")
 
     def test_silent_connections_keep_nobody_out(self):
-        self.start_cluster(20)
+        self.start_cluster(14)
         silent = [self.attempt(process) for process, count in ((self.manager, 400), (self.worker, 120))
                   for _ in range(count)]
         half = [self.attempt(self.manager) for _ in range(20)]
