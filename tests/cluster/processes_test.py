@@ -56,27 +56,19 @@ class Processes(support.ClusterTest):
         self.assertEqual(sorted(h["name"] for h in report["hosts"]), ["worker0", "worker1"])
         self.assert_none_left()
 
-    def kill_in_the_middle(self, replication, share=None):
-        """SIGKILL to one of two workers while they render; the manager's exit code. `share`: of the memory of a host
-        that holds everything."""
+    def test_a_killed_worker_whose_parts_nobody_else_has_room_for(self):
+        """They come and go then."""
         spp = self.spp_for(6)
         _, report = self.render("whole", self.scene, "--spp", 1, "--resolution", "16x16")
-        memory = MEMORY if share is None else int(report["hosts"][0]["memory_peak"] * share)
-        manager, workers = self.start_cluster(spp, 2, "--replication", replication, "--lost-after", 3, "--wait", 5,
-                                              memory=memory)
+        memory = int(report["hosts"][0]["memory_peak"] * 0.65)
+        manager, workers = self.start_cluster(spp, 2, "--lost-after", 3, "--wait", 5, memory=memory)
         self.wait_until_all_joined(self.ports[0], 2)
         time.sleep(3)
         self.assertTrue(manager.running(), f"it had ended before the kill:\n{self.logs()}")
         workers[1].kill()
-        code = self.finish(manager)
+        self.assertEqual(self.finish(manager), 0, self.logs())
         self.assertIsNotNone(workers[0].wait(30), f"the surviving worker hangs:\n{workers[0].text()}")
         self.assert_none_left()
-        return code, spp, manager
-
-    def test_a_killed_worker_whose_parts_nobody_else_has_room_for(self):
-        """They come and go then."""
-        code, spp, _ = self.kill_in_the_middle(replication=1, share=0.65)
-        self.assertEqual(code, 0, self.logs())
         self.assert_picture(self.wanted(spp))
 
     def test_workers_end_when_their_manager_is_killed(self):
