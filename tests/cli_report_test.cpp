@@ -29,7 +29,7 @@ TEST(Report, HasTheKeysOfTheContract) {
   const auto r = make_report(outcome(), "a.pbrt", ImageDifference{});
   for (const char* key : {"version", "scene", "width", "height", "spp", "parts", "time", "rays",
                           "wire", "invalid_samples", "clamped_samples", "bit_exact", "wasted_paths",
-                          "error", "convergence", "hosts"})
+                          "copied_paths", "error", "convergence", "hosts"})
     EXPECT_TRUE(r.contains(key)) << key;
   const std::vector<std::pair<const char*, std::vector<const char*>>> nested{
       {"parts", {"count", "bytes", "triangles"}},

@@ -180,6 +180,13 @@ TEST(Checkpoint, ADifferenceNamesTheField) {
   EXPECT_EQ(of([](CheckpointJob& j) { j.integrator = IntegratorKind::direct; }),
             "integrator path, this render has integrator directlighting");
   EXPECT_EQ(of([](CheckpointJob& j) { j.light_vertices = 2; }).find("depth"), 0u);
+  EXPECT_EQ(of([](CheckpointJob& j) { j.frame.y1 = 29; }).find("crop window"), 0u);
+  EXPECT_EQ(of([](CheckpointJob& j) { j.emission_vertex = 4; }).find("depth"), 0u);
+  EXPECT_EQ(of([](CheckpointJob& j) { j.sequence = SampleSequence::Kind::independent; }),
+            "sample sequence sobol, this render has sample sequence independent");
+  EXPECT_EQ(of([](CheckpointJob& j) { j.ao_distance = 2; }).find("occlusion distance inf"), 0u);
+  EXPECT_EQ(of([](CheckpointJob& j) { j.ao_cosine = true; }).find("cosine-weighted occlusion"), 0u);
+  EXPECT_EQ(of([](CheckpointJob& j) { j.k = 29; }), "fixed point 30, this render has fixed point 29");
   EXPECT_EQ(of([](CheckpointJob& j) { j.split = 1; }).find("split 1234567890abcdef"), 0u);
   EXPECT_EQ(of([](CheckpointJob& j) { j.tile = 16; }), "");
   EXPECT_EQ(of([](CheckpointJob& j) { j.footprint_spp = 99; }), "");

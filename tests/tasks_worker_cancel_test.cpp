@@ -28,7 +28,7 @@ wire::SceneHostMap two_hosts(std::uint32_t generation = 1) {
   return map_of(generation, generation, TestHost::kParts, {{1, kLow}, {2, kHigh}});
 }
 
-std::uint64_t wasted(const TestHost& h) { return h.core.status().counters().wasted_paths(); }
+std::uint64_t copied(const TestHost& h) { return h.core.status().counters().copied_paths(); }
 
 TEST(CancelTask, OfWhatHasNotBegunNothingIsMade) {
   TestHost a(1, small_batches());
@@ -38,7 +38,7 @@ TEST(CancelTask, OfWhatHasNotBegunNothingIsMade) {
   EXPECT_TRUE(a.core.idle());
   a.run();
   EXPECT_EQ(a.core.status().counters().bounce(), 0u);
-  EXPECT_EQ(wasted(a), 0u);
+  EXPECT_EQ(copied(a), 0u);
   EXPECT_TRUE(only<wire::Reply>(a.said()).empty());
 }
 
@@ -53,7 +53,7 @@ TEST(CancelTask, OfWhatHasBegunNoMoreIsMadeAndWhatWasMadeIsCounted) {
   a.core.receive(kManagerHost, cancel(), 0);
   EXPECT_EQ(a.core.live_paths(), made) << "they take up credits until they have ended";
   a.run();
-  EXPECT_EQ(wasted(a), made);
+  EXPECT_EQ(copied(a), made);
   EXPECT_EQ(a.core.live_paths(), 0u);
   EXPECT_TRUE(a.core.idle());
   EXPECT_TRUE(only<wire::Reply>(a.said()).empty());
@@ -77,7 +77,7 @@ TEST(CancelTask, WhileAThreadCollectsNeitherReplyNorHarmComesOfIt) {
     if (last) break;
   }
   EXPECT_TRUE(only<wire::Reply>(a.said()).empty());
-  EXPECT_EQ(wasted(a), kPaths);
+  EXPECT_EQ(copied(a), kPaths);
   EXPECT_TRUE(a.core.idle());
 }
 
@@ -88,7 +88,7 @@ TEST(CancelTask, WhatWasRepliedAlreadyWasMadeTwice) {
   a.run();
   ASSERT_EQ(only<wire::Reply>(a.said()).size(), 1u);
   a.core.receive(kManagerHost, cancel(), 0);
-  EXPECT_EQ(wasted(a), kPaths);
+  EXPECT_EQ(copied(a), kPaths);
 }
 
 TEST(CancelTask, ALossForgetsWhatWasStillOnItsWay) {
@@ -98,14 +98,14 @@ TEST(CancelTask, ALossForgetsWhatWasStillOnItsWay) {
   a.run();
   ASSERT_GT(a.core.live_paths(), 0u) << "some wait for the other host";
   a.core.receive(kManagerHost, cancel(), 0);
-  EXPECT_EQ(wasted(a), kPaths);
+  EXPECT_EQ(copied(a), kPaths);
   EXPECT_FALSE(a.core.idle());
   const auto bounces = a.core.status().counters().bounce();
   a.core.receive(kManagerHost, map_of(2, 2, TestHost::kParts, {{1, kAll}}), 0);
   for (const std::uint32_t p : kHigh) a.engine.resident.insert(p);
   a.run();
   EXPECT_EQ(a.core.status().counters().bounce(), bounces) << "nothing is made again";
-  EXPECT_EQ(wasted(a), kPaths);
+  EXPECT_EQ(copied(a), kPaths);
   EXPECT_TRUE(a.core.idle());
 }
 
@@ -116,11 +116,11 @@ TEST(CancelTask, IsTakenFromTheManagerOnlyAndOnce) {
   a.run();
   const auto live = a.core.live_paths();
   a.core.receive(HostId(2), cancel(), 0);
-  EXPECT_EQ(wasted(a), 0u);
+  EXPECT_EQ(copied(a), 0u);
   EXPECT_EQ(a.core.dropped_messages(), 1u);
   for (int i = 0; i < 2; ++i) a.core.receive(kManagerHost, cancel(), 0);
   EXPECT_EQ(a.core.dropped_messages(), 2u);
-  EXPECT_EQ(wasted(a), kPaths);
+  EXPECT_EQ(copied(a), kPaths);
   EXPECT_EQ(a.core.live_paths(), live);
 }
 

@@ -145,7 +145,7 @@ def bench(args, scene):
         "render_s": measure.median([r["time"]["render_s"] for r in found]),
         "samples_per_s": measure.median([r["samples_per_s"] for r in found]),
         "tail": measure.median([r["tail"] for r in found]),
-        "wasted": measure.median([r["wasted_paths"] / r["paths"] for r in found]),
+        "wasted": measure.median([(r["wasted_paths"] + r["copied_paths"]) / r["paths"] for r in found]),
         "moves": measure.median([r["moves_per_path"] for r in found]),
         "memory_peak": measure.median([max(h["memory_peak"] for h in r["hosts"]) for r in found]),
         "peak_rss": measure.median([max(h["peak_rss"] for h in r["hosts"]) for r in found]),

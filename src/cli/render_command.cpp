@@ -68,6 +68,13 @@ void print_summary(const RenderOutcome& r, const std::string& output) {
       r.render_s > 0 ? static_cast<double>(r.paths_done - r.paths_restored) / r.render_s * 1e-6 : 0.0);
 }
 
+// What is left when the picture could not be written.
+std::string after_lost_picture(const RenderOutcome& r) {
+  if (!r.checkpoint_error.empty()) return "; " + r.checkpoint_error;
+  if (r.checkpoint.empty()) return "";
+  return "; --checkpoint " + r.checkpoint + " --resume writes it without rendering anew what is there";
+}
+
 }  // namespace
 
 int run_render(const RenderOptions& given, Interrupts& interrupts) {
@@ -111,7 +118,11 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   display.finish();
 
   const Image image = outcome.film->image(outcome.facts.settings.film.scale);
-  write_image(output, image, outcome.film->frame(), metadata(o, outcome));
+  try {
+    write_image(output, image, outcome.film->frame(), metadata(o, outcome));
+  } catch (const std::runtime_error& e) {
+    throw ClusterError(e.what() + after_lost_picture(outcome));
+  }
   std::optional<ImageDifference> difference;
   // Pixels without a sample yet would be compared as black.
   if (request.reference && !outcome.interrupted)

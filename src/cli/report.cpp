@@ -45,7 +45,7 @@ Json report_host(const ManagerCore::HostReport& host, double render_s) {
 Json make_report(const RenderOutcome& o, const std::string& scene,
                  const std::optional<ImageDifference>& difference) {
   const FilmFrame& frame = o.facts.settings.film.frame;
-  std::uint64_t camera = 0, bounce = 0, shadow = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
+  std::uint64_t camera = 0, bounce = 0, shadow = 0, moved = 0, asked = 0, wasted = 0, copied = 0, dropped = 0;
   Json hosts = Json::array();
   for (const auto& [id, host] : o.hosts) {
     const wire::Counters& c = host.last.counters();
@@ -55,6 +55,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
     moved += c.moved();
     asked += c.shadow_asked();
     wasted += c.wasted_paths();
+    copied += c.copied_paths();
     dropped += c.dropped_messages();
     hosts.push_back(report_host(host, o.render_s));
   }
@@ -107,6 +108,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
       {"paths_restored", o.paths_restored},
       {"checkpoint", o.checkpoint},
       {"tail", o.tail},
+      {"copied_paths", copied},
       {"samples_per_s", per(paths, o.render_s)},
       {"pixels_per_s", per(static_cast<double>(frame.pixels()), o.render_s)},
       {"moves_per_path", per(static_cast<double>(moved), paths)},

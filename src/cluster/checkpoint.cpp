@@ -67,10 +67,18 @@ void Checkpoint::restore(ManagerCore& core, std::uint32_t spp) {
     file_.cut_off(good);
   }
   header_checksum_ = header_checksum(mapped.bytes);
+  spdlog::info("{} of {} paths are in the checkpoint {}", core.progress().paths_done,
+               core.progress().paths_total, path());
 }
 
 void Checkpoint::record(ManagerCore& core) {
   const std::vector<TileSums> merged = core.take_merged();
+  const CheckpointFile::Place place = file_.place();
+  if (place == CheckpointFile::Place::taken) return file_.fail("another file has taken its place");
+  if (place == CheckpointFile::Place::gone) {
+    spdlog::warn("the checkpoint {} has been removed, and is made anew", path());
+    return rewrite(core);
+  }
   if (merged.empty()) return;
   Bytes bytes;
   if (header_checksum_ == 0) {
@@ -82,10 +90,16 @@ void Checkpoint::record(ManagerCore& core) {
   for (const TileSums& tile : merged) encode_record(tile, header_checksum_, bytes);
   file_.append(std::move(bytes));
   if (file_.bytes() < std::max(kSmallJournal, kCompactFactor * compact_bytes_)) return;
-  bytes = whole_checkpoint(core, job_);
+  const std::uint64_t before = file_.bytes();
+  rewrite(core);
+  spdlog::info("the checkpoint {} is compacted from {} to {} bytes", path(), before, file_.bytes());
+}
+
+void Checkpoint::rewrite(const ManagerCore& core) {
+  if (core.tile_size() == 0) return file_.replace({});  // no record can be made yet
+  Bytes bytes = whole_checkpoint(core, job_);
   compact_bytes_ = bytes.size();
-  spdlog::info("the checkpoint {} is compacted from {} to {} bytes", path(), file_.bytes(),
-               bytes.size());
+  header_checksum_ = header_checksum(bytes);
   file_.replace(std::move(bytes));
 }
 

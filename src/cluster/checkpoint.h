@@ -31,6 +31,8 @@ class Checkpoint {
   const std::string& path() const { return file_.path(); }
 
  private:
+  void rewrite(const ManagerCore& core);
+
   CheckpointFile file_;
   CheckpointJob job_;
   std::optional<CheckpointJob> made_;

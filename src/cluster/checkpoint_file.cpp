@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -41,9 +42,11 @@ void sync_folder(const std::string& path) {
   ::close(fd);
 }
 
+std::string temporary_name(const std::string& path) { return path + ".new"; }
+
 // An open file with these bytes that has taken the place of `path`, locked.
 int put_in_place(const std::string& path, std::span<const std::byte> bytes) {
-  const std::string temporary = path + ".new";
+  const std::string temporary = temporary_name(path);
   const int fd = open(temporary.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   check(fd);
   try {
@@ -63,20 +66,42 @@ int put_in_place(const std::string& path, std::span<const std::byte> bytes) {
 }  // namespace
 
 CheckpointFile::CheckpointFile(std::string path) : path_(std::move(path)) {
-  fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd_ < 0) throw UsageError("cannot write the checkpoint " + path_ + ": " + strerror(errno));
-  struct stat status {};
-  std::string why;
-  if (flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-    why = "another render is using it";
-  else if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode))
-    why = "it is no ordinary file";
-  if (!why.empty()) {
-    ::close(fd_);
-    throw UsageError("cannot write the checkpoint " + path_ + ": " + why);
-  }
-  bytes_ = static_cast<std::uint64_t>(status.st_size);
+  open_locked();
+  unlink(temporary_name(path_).c_str());  // of a render that was killed
   thread_ = std::thread([this] { work(); });
+}
+
+// Whoever had the lock may have put a new file in place between our opening and our locking: then
+// it is the new one that counts.
+void CheckpointFile::open_locked() {
+  const auto fail = [this](const std::string& why) {
+    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+    throw UsageError("cannot write the checkpoint " + path_ + ": " + why);
+  };
+  for (;;) {
+    fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (fd_ < 0) fail(strerror(errno));
+    struct stat status {};
+    if (flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+      fail("another render is using it");
+    if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode)) fail("it is no ordinary file");
+    bytes_ = static_cast<std::uint64_t>(status.st_size);
+    identity_ = {status.st_dev, status.st_ino};
+    if (identity(path_) == identity_) return;
+    ::close(std::exchange(fd_, -1));
+  }
+}
+
+std::optional<CheckpointFile::Identity> CheckpointFile::identity(int fd) {
+  struct stat status {};
+  if (fstat(fd, &status) != 0) return std::nullopt;
+  return Identity{status.st_dev, status.st_ino};
+}
+
+std::optional<CheckpointFile::Identity> CheckpointFile::identity(const std::string& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) return std::nullopt;
+  return Identity{status.st_dev, status.st_ino};
 }
 
 CheckpointFile::~CheckpointFile() {
@@ -102,7 +127,21 @@ void CheckpointFile::replace(Bytes bytes) {
   const std::lock_guard lock(mutex_);
   jobs_.clear();  // the new content has what they have
   jobs_.push_back({std::move(bytes), true});
+  replacing_ = true;
   wake_.notify_one();
+}
+
+CheckpointFile::Place CheckpointFile::place() const {
+  const std::lock_guard lock(mutex_);
+  if (replacing_ || !error_.empty()) return Place::here;
+  const auto there = identity(path_);
+  if (!there) return errno == ENOENT || errno == ENOTDIR ? Place::gone : Place::here;
+  return *there == identity_ ? Place::here : Place::taken;
+}
+
+void CheckpointFile::fail(const std::string& why) {
+  const std::lock_guard lock(mutex_);
+  if (error_.empty()) error_ = "cannot write the checkpoint " + path_ + ": " + why;
 }
 
 std::string CheckpointFile::error() const {
@@ -147,6 +186,8 @@ void CheckpointFile::work() {
       unsynced = false;
     }
     lock.lock();
+    if (const auto id = identity(fd_)) identity_ = *id;
+    replacing_ = std::any_of(jobs_.begin(), jobs_.end(), [](const Job& j) { return j.anew; });
     if (error_.empty()) error_ = error;
     if (last && jobs_.empty()) return;
   }
@@ -162,8 +203,16 @@ void CheckpointFile::write(const Job& job) {
   write_all(fd_, job.bytes);
 }
 
-void write_file_atomically(const std::string& path, std::span<const std::byte> bytes) {
-  ::close(put_in_place(path, bytes));
+std::string write_beside(const std::string& path, std::span<const std::byte> bytes) {
+  std::string other = path + "~";
+  for (int n = 2; std::filesystem::exists(other); ++n) other = path + "~" + std::to_string(n);
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool in_use = fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  if (fd >= 0) ::close(fd);
+  if (!in_use && std::filesystem::exists(path)) std::filesystem::rename(path, other);
+  const std::string name = in_use ? other : path;
+  ::close(put_in_place(name, bytes));
+  return name;
 }
 
 }  // namespace cloudrenderer

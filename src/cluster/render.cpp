@@ -24,6 +24,7 @@ using namespace std::chrono_literals;
 constexpr auto kLook = 250ms;         // progress, bounds, children
 constexpr double kEstimateEvery = 2;  // seconds between error estimates for the progress line
 constexpr auto kChildrenEnd = 5s;
+constexpr auto kInterruptedChildrenEnd = 500ms;  // they may still be looking for us
 constexpr std::uint32_t kBoundedSpp =
     1u << 16;  // samples at most when only --max-error ends the render
 
@@ -55,7 +56,7 @@ class RenderRun {
     look();
     io_.run();
     interrupts_.set_handler(nullptr);
-    children_.wait(kChildrenEnd);
+    children_.wait(children_patience_);
     if (!error_.empty()) {
       if (checkpoint_) checkpoint_->close(manager_->core());
       throw ClusterError(error_);
@@ -76,6 +77,7 @@ class RenderRun {
       folder_ = temporary_->path();
       interrupts_.set_handler([this] {
         temporary_.reset();
+        spdlog::warn("interrupted while the scene was read: there is nothing to write yet");
         _exit(5);
       });
       manifest_ = std::make_shared<Manifest>(
@@ -190,8 +192,12 @@ class RenderRun {
 
   void interrupt() {
     if (shut_) return io_.stop();
-    if (interrupted_) return fail("interrupted twice");
+    if (interrupted_) {  // the picture is kept, but no host is waited for
+      children_patience_ = 0ms;
+      return shut();
+    }
     interrupted_ = true;
+    children_patience_ = kInterruptedChildrenEnd;
     manager_->core().cancel("interrupted", clock_.now());
     manager_->drain();
   }
@@ -364,9 +370,7 @@ class RenderRun {
       out.checkpoint = interrupt_checkpoint_;
       try {
         // That of another run, which may have got further, is not ours to lose.
-        if (std::filesystem::exists(out.checkpoint))
-          std::filesystem::rename(out.checkpoint, out.checkpoint + "~");
-        write_file_atomically(out.checkpoint, whole_checkpoint(core, job_));
+        out.checkpoint = write_beside(out.checkpoint, whole_checkpoint(core, job_));
       } catch (const std::system_error& e) {
         out.checkpoint_error =
             "cannot write the checkpoint " + out.checkpoint + ": " + e.code().message();
@@ -388,6 +392,7 @@ class RenderRun {
   JobOverrides overrides_;
   SceneFacts facts_;
   ChildProcesses children_;
+  std::chrono::milliseconds children_patience_ = kChildrenEnd;
   CheckpointJob job_;
   std::string interrupt_checkpoint_;
   std::unique_ptr<Checkpoint> checkpoint_;

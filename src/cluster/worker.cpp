@@ -1,5 +1,7 @@
 #include "cluster/worker.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <asio/co_spawn.hpp>
 #include <asio/post.hpp>
 #include <asio/steady_timer.hpp>
@@ -19,6 +21,7 @@ namespace {
 
 constexpr HostId kManager{0};
 constexpr auto kPause = std::chrono::milliseconds(200);  // before coming back
+constexpr double kMissed = 1;  // seconds; a manager that was gone for longer need not know who leaves
 constexpr int kIntroductions = 4;  // attempts, when connections break before the manager's answer
 constexpr double kLooksForSilence = 8;  // in the time after which a silent peer is given up
 
@@ -46,7 +49,7 @@ class Worker {
 
   void leave() {  // any thread
     asio::post(io_, [this] {
-      if (node_ && !manager_session_) return end({});  // nobody there to be told
+      if (node_ && alone()) return end({});
       if (!node_ || leaving_) return end(node_ ? "" : "interrupted before a manager was found");
       leaving_ = true;
       node_->leave("asked to leave");
@@ -54,6 +57,11 @@ class Worker {
   }
 
  private:
+  // Nobody is there to be told anything; a connection alone is not somebody who answers.
+  bool alone() const {
+    return !manager_session_ || (gone_since_ && clock_.now() - *gone_since_ > kMissed);
+  }
+
   void spawn(asio::awaitable<void> work) {
     asio::co_spawn(io_, std::move(work), [this](std::exception_ptr error) {
       if (!error) return;
@@ -110,12 +118,16 @@ class Worker {
     asio::steady_timer pause(io_, kPause);
     co_await pause.async_wait(asio::use_awaitable);
     if (!manager_) co_return co_await join(config_.patience);
-    const auto left = std::max(lost_after_, config_.patience) -
-                      std::chrono::duration<double>(clock_.now() - *gone_since_);
-    if (left.count() <= 0)
-      throw ClusterError("the manager at " + config_.manager.to_string() +
-                         " has gone and does not take this host back");
-    co_await join(left);
+    const auto patience = std::max(lost_after_, config_.patience);
+    const auto left = patience - std::chrono::duration<double>(clock_.now() - *gone_since_);
+    const std::string gone = "the manager at " + config_.manager.to_string() + " has gone";
+    if (left.count() <= 0) throw ClusterError(gone + " and does not take this host back");
+    try {
+      co_await join(left);
+    } catch (const ClusterError& e) {
+      throw ClusterError(fmt::format("{}, and nobody has taken its place in {:.0f} seconds: {}", gone,
+                                     patience.count(), e.what()));
+    }
   }
 
   // Cut cables and stopped machines: no connection ends by itself then.

@@ -1,4 +1,4 @@
-// Hosts and parts.
+// Who is there, and who holds what.
 #include "tasks/manager_core.h"
 
 #include <algorithm>
@@ -14,18 +14,13 @@ constexpr std::uint64_t kAbsurdMemory = std::uint64_t{1} << 50;
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
-bool can(const wire::Hello& hello, wire::Category category) {
+}  // namespace
+
+bool ManagerCore::can(const wire::Hello& hello, wire::Category category) {
   return hello.categories().empty() ||
          std::find(hello.categories().begin(), hello.categories().end(), category) !=
              hello.categories().end();
 }
-
-bool has_feature(const wire::Hello& hello, const std::string& feature) {
-  const auto& all = hello.features();
-  return all.empty() || std::find(all.begin(), all.end(), feature) != all.end();
-}
-
-}  // namespace
 
 ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
     : options_(options),
@@ -95,193 +90,6 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
   if (phase_ != Phase::gathering) place_all(now);
   return id;
-}
-
-PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
-  PlacementInput in;
-  in.parts = job_.parts;
-  in.prototype_bytes = job_.prototype_bytes;
-  in.min_replication = options_.replication;
-  in.seed = job_.seed;
-  const auto eligible = [&](const Host& h) {
-    return (!h.leaving || (with_leaving && h.released == 0)) && can(h.hello, wire::TRACER);
-  };
-  // The copies that stay with Keep::one_copy: of every part one, that is loaded if any is.
-  std::vector<const Host*> keepers(job_.parts.size());
-  for (const auto& [id, h] : hosts_) {
-    if (!eligible(h)) continue;
-    for (const PartId p : h.wanted)
-      if (const Host*& k = keepers[p.value]; !k || (!k->holds.contains(p) && h.holds.contains(p))) k = &h;
-  }
-  for (const auto& [id, h] : hosts_) {
-    if (!eligible(h)) continue;
-    PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen),
-                       h.threads(), {}, {}};
-    host.cannot.assign(h.declined.begin(), h.declined.end());
-    for (const PartId p : h.wanted)
-      if (keep == Keep::all || keepers[p.value] == &h) host.holds.push_back(p);
-    for (std::size_t p = 0; p < job_.part_features.size(); ++p)
-      for (const std::string& f : job_.part_features[p])
-        if (!has_feature(h.hello, f)) host.cannot.emplace_back(static_cast<std::uint32_t>(p));
-    in.hosts.push_back(std::move(host));
-  }
-  return in;
-}
-
-ManagerCore::Plan ManagerCore::plan_of(const PlacementInput& in, std::vector<std::vector<PartId>> placed) const {
-  Plan result;
-  for (std::size_t i = 0; i < in.hosts.size(); ++i) {
-    const HostId id = in.hosts[i].host;
-    const auto& hold = result.hold[id] = std::move(placed[i]);
-    for (const PartId p : hosts_.at(id).wanted)
-      if (!std::binary_search(hold.begin(), hold.end(), p)) result.drop[id].push_back(p);
-  }
-  return result;
-}
-
-Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, Keep keep) const {
-  const PlacementInput in = placement(with_leaving, keep);
-  auto placed = place(in);
-  if (!placed) return Result<Plan>::failure(placed.error());
-  return plan_of(in, std::move(*placed));
-}
-
-// For hosts that have not memory enough for everything.
-Result<ManagerCore::Plan> ManagerCore::plan_paged(bool with_leaving) const {
-  const PlacementInput in = placement(with_leaving, Keep::all);
-  for (const PlacementHost& h : in.hosts)
-    if (!has_feature(hosts_.at(h.host).hello, "paging"))
-      return Result<Plan>::failure("host " + std::to_string(h.host.value) + " cannot load parts for a while");
-  auto placed = place_paged(in);
-  if (!placed) return Result<Plan>::failure(placed.error());
-  Plan result = plan_of(in, std::move(placed->hold));
-  result.paged.insert(placed->paged.begin(), placed->paged.end());
-  return result;
-}
-
-// The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts go. Parts
-// that come and go are better than a host that may not.
-std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
-  if (std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.released != 0; }))
-    return std::nullopt;  // all of them are going: the next one that joins is waited for
-  std::string why;
-  for (const bool with_leaving : {false, true}) {
-    for (const Keep keep : {Keep::all, Keep::one_copy}) {
-      auto found = plan(with_leaving, keep);
-      if (!found && why.empty()) why = found.error();
-      // It works without a new host that brings no room, or with the one that wants to leave.
-      if (!found && everything_wanted(true)) return std::nullopt;
-      if (!found) continue;
-      no_room_since_.reset();
-      no_room_.clear();
-      return std::move(*found);
-    }
-    auto paged = plan_paged(with_leaving);
-    // What has to give way goes in a pause (make_room), unless there is no other way.
-    if (paged && !paged->drop.empty() && everything_covered()) return std::nullopt;
-    if (paged) {
-      no_room_since_.reset();
-      no_room_.clear();
-      return std::move(*paged);
-    }
-    why += "; " + paged.error();
-  }
-  no_room_ = why;
-  if (!no_room_since_) no_room_since_ = now;
-  if (now - *no_room_since_ >= options_.wait_for_room_s) fail(no_room_, now);
-  return std::nullopt;
-}
-
-void ManagerCore::place_all(double now) {
-  if (hosts_.empty()) return;
-  const auto found = find_plan(now);
-  if (!found) return;
-  if (adopt(*found) && phase_ == Phase::rendering) new_map(!found->drop.empty(), &*found);
-  order(*found);
-}
-
-// True if hosts that take part must be told at once. What gets a holder is paged until it has one (new_map).
-bool ManagerCore::adopt(const Plan& p) {
-  drop(p);
-  const std::size_t before = paged_.size();
-  paged_.insert(p.paged.begin(), p.paged.end());
-  return !p.drop.empty() || paged_.size() != before;
-}
-
-// Takes surplus copies off the books; the hosts are told by the next map, or here before there is
-// one.
-void ManagerCore::drop(const Plan& p) {
-  for (const auto& [id, parts] : p.drop) {
-    Host& h = hosts_.at(id);
-    wire::UnloadParts m;
-    for (const PartId part : parts) {
-      h.wanted.erase(part);
-      h.holds.erase(part);
-      m.add_parts(part.value);
-    }
-    if (phase_ != Phase::rendering || !h.mapped) send(id, std::move(m));
-  }
-}
-
-// Hosts load one part after the other, so each begins with its share of what nobody has yet:
-// rendering begins, or goes on, long before the last copy is there.
-void ManagerCore::order(const Plan& p) {
-  std::map<HostId, std::vector<PartId>> first, later;
-  for (std::uint32_t part = 1; part < job_.parts.size(); ++part) {
-    const PartId id(part);
-    std::vector<HostId> ordered;
-    for (const auto& [host, parts] : p.hold)
-      if (std::binary_search(parts.begin(), parts.end(), id) &&
-          hosts_.at(host).wanted.insert(id).second)
-        ordered.push_back(host);
-    if (ordered.empty()) continue;
-    const bool held = std::any_of(hosts_.begin(), hosts_.end(),
-                                  [&](const auto& h) { return h.second.holds.contains(id); });
-    const auto least = std::min_element(ordered.begin(), ordered.end(), [&](HostId x, HostId y) {
-      return first[x].size() < first[y].size();
-    });
-    for (auto h = ordered.begin(); h != ordered.end(); ++h)
-      (h == least && !held ? first : later)[*h].push_back(id);
-  }
-  for (const auto& [id, host] : p.hold) {
-    wire::LoadParts m;
-    for (const auto* list : {&first[id], &later[id]})
-      for (const PartId part : *list) m.add_parts(part.value);
-    if (m.parts_size() != 0) send(id, std::move(m));
-  }
-}
-
-// Every part is held by a host that takes part, or (by_leaving) still does, or is nobody's by decision.
-bool ManagerCore::everything_held(bool by_leaving) const {
-  std::vector<bool> held(job_.parts.size());
-  std::size_t n = 1;
-  bool someone = false;
-  for (const auto& [id, h] : hosts_) {
-    if (!h.started || (h.leaving && (!by_leaving || h.released != 0))) continue;
-    someone = true;
-    for (const PartId p : h.holds) {
-      if (!held[p.value]) ++n;
-      held[p.value] = true;
-    }
-  }
-  for (const PartId p : paged_) n += held[p.value] ? 0 : 1;
-  return someone && n >= job_.parts.size();
-}
-
-// Every part has been ordered at a host that takes part, or (by_leaving) still does.
-bool ManagerCore::everything_wanted(bool by_leaving) const {
-  std::set<PartId> wanted;
-  for (const auto& [id, h] : hosts_)
-    if (!h.leaving || (by_leaving && h.released == 0)) wanted.insert(h.wanted.begin(), h.wanted.end());
-  return wanted.size() + 1 >= job_.parts.size();
-}
-
-// Every part is somewhere, or nobody's by decision.
-bool ManagerCore::everything_covered() const {
-  std::set<PartId> covered = paged_;
-  for (const auto& [id, h] : hosts_)
-    if (h.released == 0) covered.insert(h.wanted.begin(), h.wanted.end());
-  return covered.size() + 1 >= job_.parts.size();
 }
 
 double ManagerCore::Host::threads() const {
@@ -411,40 +219,6 @@ void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
   if (phase_ != Phase::gathering) place_all(now);
   if (!finished()) make_room(now);
   if (!finished()) try_release(from, now);
-}
-
-// Without the hosts that want to leave.
-std::optional<ManagerCore::Plan> ManagerCore::smaller_plan() const {
-  auto found = plan(false, Keep::one_copy);
-  if (!found) found = plan_paged(false);
-  return found ? std::optional(std::move(*found)) : std::nullopt;
-}
-
-// What leaving hosts hold finds room only where surplus copies make it, and a part can be dropped
-// only when no path is under way: else all of them would be made again. So nobody begins any until
-// all have ended.
-void ManagerCore::make_room(double now) {
-  if (phase_ != Phase::rendering || pause_ != 0 || everything_wanted(false)) return;
-  const bool asked = std::any_of(hosts_.begin(), hosts_.end(), [](const auto& h) {
-    return h.second.leaving && h.second.released == 0;
-  });
-  if (!asked || !smaller_plan()) return;
-  pause_ = epoch_ + 1;
-  new_map(false);
-  end_pause(now);
-}
-
-void ManagerCore::end_pause(double now) {
-  if (pause_ == 0 || phase_ != Phase::rendering) return;
-  for (const auto& [id, h] : hosts_)
-    if (h.mapped && (h.status.epoch() < pause_ || h.status.live_paths() != 0)) return;
-  pause_ = 0;
-  const auto found = smaller_plan();
-  if (!found || everything_wanted(false)) return new_map(false);
-  adopt(*found);
-  new_map(true, &*found);
-  order(*found);
-  check_loaded(now);
 }
 
 // A leaving host goes when others hold its parts, and its own renderer tasks and all that it

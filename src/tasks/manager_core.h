@@ -172,7 +172,9 @@ class ManagerCore {
     std::uint32_t twin = 0;  // the other copy of the same range, under another number
   };
 
-  // manager_core.cpp: hosts and parts
+  static bool can(const wire::Hello& hello, wire::Category category);
+
+  // manager_plan.cpp: what hosts shall hold
   // What hosts shall hold from now on; with `drop`, surplus copies may go to make room.
   struct Plan {
     std::map<HostId, std::vector<PartId>> hold, drop;
@@ -194,6 +196,8 @@ class ManagerCore {
   void make_room(double now);
   void end_pause(double now);
   bool everything_covered() const;
+
+  // manager_core.cpp: who is there, and who holds what
   std::uint64_t main_bytes() const;
   void new_map(bool generation, const Plan* with_drops = nullptr);
   void send_host_list();

@@ -117,9 +117,7 @@ std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
 }
 
 bool ManagerCore::renders(const Host& h) {
-  const auto& c = h.hello.categories();
-  return h.mapped && !h.leaving &&
-         (c.empty() || std::find(c.begin(), c.end(), wire::RENDERER) != c.end());
+  return h.mapped && !h.leaving && can(h.hello, wire::RENDERER);
 }
 
 // In paths per second, where it is known; until then as fast as its threads are elsewhere.

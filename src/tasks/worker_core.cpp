@@ -85,7 +85,7 @@ void WorkerCore::handle(HostId from, wire::CancelTask& m) {
   const bool replied = it == renderers_.end();
   const std::uint64_t made =
       replied ? m.paths() : it->second.range.paths() - it->second.unissued;
-  counters_.set_wasted_paths(counters_.wasted_paths() + made);
+  counters_.set_copied_paths(counters_.copied_paths() + made);
   if (replied) return;
   Renderer& r = it->second;
   r.cancelled = true;

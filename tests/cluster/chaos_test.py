@@ -17,8 +17,8 @@ from support import measure
 SIZE = "160x160"
 PART_SIZE = "300KiB"
 LOST_AFTER = 1.5
-FRAME = 7.5      # seconds that two undisturbed processors need at least
-LAST_EVENT = 5   # seconds after all have joined; a disturbed frame takes longer than FRAME
+FRAME = 5        # seconds that two undisturbed processors need at least
+LAST_EVENT = 3.4 # seconds after all have joined; a disturbed frame takes longer than FRAME
 LEAST = 4        # workers that are left alone at every moment
 
 

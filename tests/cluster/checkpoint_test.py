@@ -134,23 +134,6 @@ class Checkpoints(support.ClusterTest):
         self.expect(0, *command, "--resume")
         self.assert_picture(spp)
 
-    def test_workers_wait_for_a_manager_that_was_killed(self):
-        split = self.split()
-        ports = support.free_ports(3)
-        options = (*JOB, "--min-hosts", 2, "--quiet", "--checkpoint", self.ckpt)
-        manager = self.start_manager(split, self.out, ports[0], *options)
-        workers = [self.start_worker(f"worker{k}", ports[0], ports[1 + k], "512MiB") for k in range(2)]
-        self.wait_for_bytes(50_000, manager)
-        manager.kill()
-        manager.wait(10)
-        time.sleep(1)
-        manager = self.start_manager(split, self.out, ports[0], *options, "--resume")
-        self.assertEqual(manager.wait(60), 0, self.logs())
-        self.assert_picture()
-        for worker in workers:
-            self.assertEqual(worker.wait(20), 0, self.logs())
-        self.assert_none_left()
-
 
 if __name__ == "__main__":
     support.main()

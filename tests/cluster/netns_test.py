@@ -19,7 +19,7 @@ SIZE = "160x160"
 LOST_AFTER = 1.5
 WORKERS = 4
 PORT = 7000
-FRAME = 7  # seconds that two undisturbed processors need at least
+FRAME = 4.5  # seconds that two undisturbed processors need at least
 
 
 def run(*command, check=True):

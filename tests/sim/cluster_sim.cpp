@@ -4,14 +4,13 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "cluster_node.h"
+
 namespace cloudrenderer::sim {
 namespace {
 
 constexpr double kEndOfTime = 600;  // virtual seconds: a run that is not done by then never will be
-constexpr HostId kManager{0};
 constexpr std::size_t kOrders = 200;  // frames that say neither block nor end: maps, loads, heartbeats
-
-std::uint64_t incarnation_of(HostId h) { return 1000 + h.value; }
 
 // What every path brings home: pixel * spp + sample.
 std::vector<PathEnd> reference(const Scenario& s) {
@@ -30,48 +29,6 @@ std::vector<PathEnd> reference(const Scenario& s) {
   }
   return paths;
 }
-
-std::uint64_t part_bytes(const Scenario& s, std::uint32_t part) {
-  return part == 0 ? 10 : kPartBytes + mix64(s.seed + part) % 20;
-}
-
-class Loader final : public PartLoader {
- public:
-  explicit Loader(const Scenario& s) : engine(s.scene), s_(s) { engine.resident.insert(0); }
-  MadeUpEngine engine;
-  bool has_room(PartId p, BvhForm) const override { return bytes_used() + part_bytes(s_, p.value) <= s_.memory; }
-  std::string start_job(const wire::JobStart&) override { return {}; }
-  std::string load(PartId p, BvhForm) override {
-    if (!engine.resident.insert(p.value).second) return "is there already";
-    return {};
-  }
-  void unload(PartId p) override { unloaded += engine.resident.erase(p.value); }
-  void end_job() override { engine.resident = {0}; }
-  std::uint64_t bytes_used() const override {
-    std::uint64_t bytes = 0;
-    for (const std::uint32_t p : engine.resident) bytes += part_bytes(s_, p);
-    return bytes;
-  }
-  std::uint64_t unloaded = 0;
-
- private:
-  const Scenario& s_;
-};
-
-struct Node {
-  explicit Node(HostId h) : id(h) {}
-  HostId id;
-  std::unique_ptr<WorkerCore> core;  // null: the manager
-  std::unique_ptr<Loader> loader;
-  std::map<HostId, Link> links;
-  std::set<HostId> peers, gone;  // of the last host list; once there, now not
-  std::uint64_t hosts_version = 0;
-  std::uint32_t busy = 0;
-  bool alive = true;
-  bool going = false;  // an event has struck it
-  double slowness = 1;
-  double wake = 0;     // the next timer that is set
-};
 
 class Simulation {
  public:
@@ -200,6 +157,12 @@ class Simulation {
     pump(*nodes_.back());
     pump(*nodes_[0]);
   }
+  // Who was given up by bad luck alone (the same frame was lost again and again) is a new host then.
+  void come_back(Node& n) {
+    if (!n.alive || n.going || manager_.finished()) return;
+    n.alive = false;
+    at(now_ + 0.1, [this] { join(); });
+  }
   void happen(const Scenario::Event& event) {
     using Kind = Scenario::Event::Kind;
     const Kind kind = event.kind;
@@ -276,6 +239,7 @@ class Simulation {
       for (const HostId h : manager_.take_gone()) {
         n.links.erase(h);
         n.gone.insert(h);
+        come_back(*nodes_[h.value]);
       }
     }
     double wake = n.core ? n.core->deadline() : manager_.deadline();
@@ -419,6 +383,7 @@ class Simulation {
       out_.dropped += report.last.counters().dropped_messages();
     }
     out_.generations = p.generation;
+    if (p.generation <= 1 && out_.wasted != 0) return fail("paths were made in vain though nothing was lost");
   }
   // Of every pixel exactly the samples that the manager says it has, each once.
   void check_film() {
