@@ -113,10 +113,12 @@ TEST(SampleSequence, EightAtOnceAreTheNumbersOfEach) {
         dimension[i] = static_cast<std::uint32_t>(rng() % 20);
       }
       const auto pairs = SampleSequence::get_pairs(eight, dimension);
+      const auto without_first = SampleSequence::get_pairs(eight, dimension, 1);
       const Vec2x8 single = SampleSequence::get_2d(eight, 3);
       for (std::size_t i = 0; i < kLanes; ++i) {
         ASSERT_EQ(lanes::get(single, i), eight[i].get_2d(3));
         for (std::size_t k = 0; k < 4; ++k) ASSERT_EQ(lanes::get(pairs[k], i), eight[i].get_pairs(dimension[i])[k]);
+        for (std::size_t k = 1; k < 4; ++k) ASSERT_EQ(lanes::get(without_first[k], i), lanes::get(pairs[k], i));
       }
     }
   }

@@ -138,9 +138,10 @@ class SampleSequence {
     const Hashes8 h(of, [&](std::size_t i) { return of[i].pair_hash(dimension); });
     return sobol_pair(h.index_reversed, h.lo, h.hi, h.hi * 0x9e3779b9u ^ h.lo);
   }
-  // dimension: of each lane.
-  static std::array<Vec2x8, 4> get_pairs(const Eight& of, const std::array<std::uint32_t, kLanes>& dimension) {
-    std::array<Vec2x8, 4> out;
+  // dimension: of each lane. Pairs before `first` are not wanted: they may stay 0.
+  static std::array<Vec2x8, 4> get_pairs(const Eight& of, const std::array<std::uint32_t, kLanes>& dimension,
+                                         std::uint32_t first = 0) {
+    std::array<Vec2x8, 4> out{};
     if (of[0].kind_ == Kind::independent) {
       std::array<Float8, 8> rows;
       for (std::size_t i = 0; i < kLanes; ++i) rows[i] = Float8::load(of[i].get_pairs(dimension[i]).numbers);
@@ -149,7 +150,7 @@ class SampleSequence {
       return out;
     }
     const Hashes8 h(of, [&](std::size_t i) { return of[i].group_hash(dimension[i]); });
-    for (std::uint32_t k = 0; k < 4; ++k)
+    for (std::uint32_t k = first; k < 4; ++k)
       out[k] = sobol_pair(h.index_reversed, mix32(h.lo + k * 0x85ebca6bu), mix32(h.hi + k * 0x9e3779b9u),
                           mix32(h.hi + (4 + k) * 0x9e3779b9u));
     return out;

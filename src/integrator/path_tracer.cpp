@@ -72,6 +72,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   });
   lights_ = Lights::build(manifest.scene, manifest.shape_lights, main_part, manifest.bounds, warnings);
   even_lobes_ = lights_->has_v2_disk();
+  first_pair_ = lights_->has_choice() ? 0 : 1;
   hittable_lights_ = lights_->has_infinite() || !manifest.shape_lights.empty();
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings);
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);

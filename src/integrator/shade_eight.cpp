@@ -93,7 +93,7 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   v.offset = ray_offset(point.p, point.p_error, point.ng);
   v.wo = -in.three(kWay);
   v.throughput = in.three(kThroughput);
-  v.numbers = SampleSequence::get_pairs(sequences, vertices);
+  v.numbers = SampleSequence::get_pairs(sequences, vertices, tracer.first_pair_);
   const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
 

@@ -5,7 +5,7 @@
 
 namespace cloudrenderer {
 
-// What the four pairs of numbers of a vertex are for.
+// What the four pairs of numbers of a vertex are for. The first one may be left out (PathTracer::first_pair_).
 enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
 // Light that arrives if its ray is free: the rays apart from what they are for.

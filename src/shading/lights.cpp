@@ -32,6 +32,7 @@ class SceneLights final : public Lights {
 
   bool empty() const override { return emitters_.empty() && !emits_; }
   bool has_infinite() const override { return !infinite_.empty(); }
+  bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
   bool has_v2_disk() const override {
     return std::any_of(emitters_.begin(), emitters_.end(), [&](const Emitter& e) { return is_v2_disk(e); });
   }
