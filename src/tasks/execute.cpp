@@ -126,6 +126,11 @@ PathSegment restarted(PathSegment s) {
 // Splits a traced batch: what can be shaded stays in it (in order), the rest goes to the buckets of
 // its holders.
 void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
+  r.visits.resize(routing.part_count());
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    const std::uint32_t part = batch.next[i] ? batch.next[i].value : batch.hits[i].part;
+    if (part < r.visits.size()) ++r.visits[part];
+  }
   const auto stays = [](PartId p) { return !p; };
   const auto first = std::find_if_not(batch.next.begin(), batch.next.end(), stays);
   std::size_t kept = static_cast<std::size_t>(first - batch.next.begin());

@@ -204,6 +204,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
   for (const std::uint32_t peer : m.unreachable())
     if (hosts_.contains(HostId(peer)) && HostId(peer) != from)
       unreachable_since_.try_emplace(HostId(peer), now);
+  if (static_cast<std::size_t>(m.visits_size()) == job_.parts.size())
+    visits_[from].assign(m.visits().begin(), m.visits().end());
   reports_[from].last = m;
   h.final = m.final();
   h.status = std::move(m);

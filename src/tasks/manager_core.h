@@ -190,6 +190,8 @@ class ManagerCore {
   bool adopt(const Plan& p);
   void drop(const Plan& p);
   void order(const Plan& p);
+  std::vector<double> visits() const;
+  std::vector<double> pressure() const;
   bool everything_held(bool by_leaving) const;
   bool everything_wanted(bool by_leaving) const;
   std::optional<Plan> smaller_plan() const;
@@ -269,6 +271,7 @@ class ManagerCore {
   std::vector<std::uint64_t> round_left_;  // paths of every round that have not arrived
   std::uint64_t next_number_ = 1;          // of task ids
   std::map<HostId, double> unreachable_since_;
+  std::map<HostId, std::vector<std::uint64_t>> visits_;  // by part, of every host that there has been
   std::optional<double> no_room_since_;
   std::uint32_t pause_ = 0;  // epoch from which on no camera rays are made, until no path is under way
   std::string no_room_;

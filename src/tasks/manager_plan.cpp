@@ -6,6 +6,9 @@
 namespace cloudrenderer {
 namespace {
 
+constexpr double kExpectationWeighs = 1e5;  // rays
+constexpr double kQuiet = 0.1;              // seconds of queued work: less makes no difference among hosts
+
 bool has_feature(const wire::Hello& hello, const std::string& feature) {
   const auto& all = hello.features();
   return all.empty() || std::find(all.begin(), all.end(), feature) != all.end();
@@ -13,9 +16,43 @@ bool has_feature(const wire::Hello& hello, const std::string& feature) {
 
 }  // namespace
 
+// How often rays come to every part: what was expected before the frame, until so many have been counted that they
+// speak for themselves.
+std::vector<double> ManagerCore::visits() const {
+  std::vector<double> visits(job_.parts.size());
+  double expected = 0, counted = 0;
+  for (const PlacementPart& p : job_.parts) expected += p.visits;
+  for (const auto& [id, by_part] : visits_)
+    for (std::size_t p = 1; p < visits.size(); ++p) {
+      visits[p] += static_cast<double>(by_part[p]);
+      counted += static_cast<double>(by_part[p]);
+    }
+  if (expected <= 0 && counted < kExpectationWeighs) return std::vector<double>(visits.size());
+  for (std::size_t p = 1; p < visits.size() && expected > 0; ++p)
+    visits[p] += kExpectationWeighs * job_.parts[p].visits / expected;
+  return visits;
+}
+
+// How much a host would take from others by holding one more copy of a part: its share of what is visited, the more
+// the longer the queues of those that hold it now.
+std::vector<double> ManagerCore::pressure() const {
+  std::vector<double> load(job_.parts.size()), copies(job_.parts.size());
+  for (const auto& [id, h] : hosts_)
+    for (const PartId p : h.holds) {
+      load[p.value] += h.entry.load_s();
+      ++copies[p.value];
+    }
+  std::vector<double> pressure = visits();
+  for (std::size_t p = 0; p < pressure.size(); ++p)
+    if (copies[p] > 0) pressure[p] *= (kQuiet + load[p] / copies[p]) / (copies[p] + 1);
+  return pressure;
+}
+
 PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
   PlacementInput in;
   in.parts = job_.parts;
+  const std::vector<double> visited = visits();
+  for (std::size_t p = 1; p < visited.size(); ++p) in.parts[p].visits = visited[p];
   in.prototype_bytes = job_.prototype_bytes;
   in.min_replication = options_.replication;
   in.seed = job_.seed;
@@ -140,7 +177,7 @@ void ManagerCore::drop(const Plan& p) {
 }
 
 // Hosts load one part after the other, so each begins with its share of what nobody has yet:
-// rendering begins, or goes on, long before the last copy is there.
+// rendering begins, or goes on, long before the last copy is there. Copies come in the order of what they relieve.
 void ManagerCore::order(const Plan& p) {
   std::map<HostId, std::vector<PartId>> first, later;
   for (std::uint32_t part = 1; part < job_.parts.size(); ++part) {
@@ -159,6 +196,9 @@ void ManagerCore::order(const Plan& p) {
     for (auto h = ordered.begin(); h != ordered.end(); ++h)
       (h == least && !held ? first : later)[*h].push_back(id);
   }
+  const std::vector<double> relief = pressure();
+  for (auto& [id, parts] : later)
+    std::ranges::stable_sort(parts, std::ranges::greater(), [&](PartId part) { return relief[part.value]; });
   for (const auto& [id, host] : p.hold) {
     wire::LoadParts m;
     for (const auto* list : {&first[id], &later[id]})

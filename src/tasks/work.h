@@ -168,6 +168,7 @@ struct WorkResult {
   std::vector<std::pair<HostId, std::vector<PathEnd>>> ends;  // by owner
   std::vector<std::pair<HostId, wire::Reply>> replies;
   RayCounts counts;
+  std::vector<std::uint64_t> visits;  // TraceWork, by part: rays with their nearest hit there, or that go on to it
   // CollectWork
   Ledgers ledgers;
   std::vector<wire::RendererReply> completed;

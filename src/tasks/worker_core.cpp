@@ -34,7 +34,9 @@ void WorkerCore::tick(double now) {
   flush_all();
   if (now >= next_status_) {
     next_status_ = now + options_.status_every_s;
-    send(kManager, status());
+    wire::Status s = status();
+    say_visits(s);
+    send(kManager, std::move(s));
   }
 }
 
@@ -166,6 +168,8 @@ void WorkerCore::forget_job() {
   opened_.clear();
   collecting_ = list_missing_ = remaking_ = false;
   map_.Clear();
+  visits_.clear();
+  visits_said_ = 0;
   seen_.clear();
   routing_ = std::make_shared<const Routing>();
   refuse_below_ = 0;

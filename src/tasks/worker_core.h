@@ -221,6 +221,7 @@ class WorkerCore {
   void finish_collect(const CollectWork& work, WorkResult& r);
   void finish_load(const Work& work, WorkResult& r);
   void count_tasks(const Work& work);
+  void say_visits(wire::Status& s);
   void send(HostId to, wire::Message m) {
     drained_ = drained_ && std::holds_alternative<wire::Status>(m);
     outbox_.emplace_back(to, std::move(m));
@@ -299,6 +300,8 @@ class WorkerCore {
   std::size_t drops_ = 0;      // unloads before which no path work is taken
   double segments_per_s_ = 0;  // measured, one thread
   double next_status_ = 0;
+  std::vector<std::uint64_t> visits_;  // by part
+  std::uint64_t visits_said_ = 0;      // the sum of those that the manager knows
   double busy_s_ = 0;
   std::uint64_t dropped_ = 0;  // messages that fit nothing here
   wire::Counters counters_;

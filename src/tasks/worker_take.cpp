@@ -1,5 +1,6 @@
 // Which work is next, and what becomes of its results.
 #include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "tasks/worker_core.h"
@@ -211,6 +212,8 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
     if (n != 0)
       segments_per_s_ = segments_per_s_ == 0 ? speed : 0.9 * segments_per_s_ + 0.1 * speed;
   }
+  if (visits_.size() < r.visits.size()) visits_.resize(r.visits.size());
+  for (std::size_t p = 0; p < r.visits.size(); ++p) visits_[p] += r.visits[p];
   counters_.set_camera(counters_.camera() + r.counts.camera);
   counters_.set_bounce(counters_.bounce() + r.counts.bounce);
   counters_.set_shadow(counters_.shadow() + r.counts.shadow);
@@ -369,6 +372,14 @@ bool WorkerCore::idle() const {
 void WorkerCore::set_driver_counters(const DriverCounters& c) {
   driver_ = c;
   drained_ = c.drained && outbox_.empty();
+}
+
+// Whenever a tenth more has come, so that the list of a scene of many parts is no burden.
+void WorkerCore::say_visits(wire::Status& s) {
+  const std::uint64_t all = std::accumulate(visits_.begin(), visits_.end(), std::uint64_t{0});
+  if (all <= visits_said_ + visits_said_ / 10) return;
+  visits_said_ = all;
+  s.mutable_visits()->Assign(visits_.begin(), visits_.end());
 }
 
 wire::Status WorkerCore::status() const {

@@ -116,6 +116,7 @@ const char* check(const BlobChunk& m) {
 }
 
 const char* check(const Status& m) {
+  if (static_cast<std::uint32_t>(m.visits_size()) > kMaxParts) return "no such part";
   return is_load(m.load_s()) && is_amount(m.segments_per_s()) ? nullptr : "the load is no amount";
 }
 
