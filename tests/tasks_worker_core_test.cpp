@@ -1,7 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <numeric>
-
 #include "tasks_support.h"
 
 namespace cloudrenderer {
@@ -20,29 +18,6 @@ std::vector<wire::SubmitTask> blocks(const WorkerCore::Outbox& outbox) {
   for (auto& [to, m] : only<wire::SubmitTask>(outbox))
     if (std::holds_alternative<wire::SegmentBlock>(m.payload)) found.push_back(m);
   return found;
-}
-
-TEST(WorkerCore, SaysHowOftenRaysCameToItsParts) {
-  TestHost h(1);
-  std::vector<std::uint32_t> all;
-  for (std::uint32_t p = 1; p < TestHost::kParts; ++p) all.push_back(p);
-  h.start(all, map_of(1, 1, TestHost::kParts, {{1, all}}));
-  const auto said = [&] {
-    h.tick_later(10);
-    std::vector<std::uint64_t> visits;
-    for (const auto& [to, s] : only<wire::Status>(h.core.take_outbox()))
-      if (s.visits_size() != 0) visits.assign(s.visits().begin(), s.visits().end());
-    return visits;
-  };
-  EXPECT_TRUE(said().empty());
-  h.give_range(1);
-  h.run();
-  const auto visits = said();
-  ASSERT_EQ(visits.size(), TestHost::kParts);
-  const auto rays = h.core.status().counters().camera() + h.core.status().counters().bounce();
-  EXPECT_GT(std::accumulate(visits.begin(), visits.end(), std::uint64_t{0}), rays / 4);
-  EXPECT_LE(std::accumulate(visits.begin(), visits.end(), std::uint64_t{0}), rays);
-  EXPECT_TRUE(said().empty()) << "nothing has changed";
 }
 
 TEST(WorkerCore, ReportsThatItIsReadyAndWhatItHolds) {

@@ -1,7 +1,10 @@
-// What hosts are told to load, by what rays visit.
+// How often rays come to parts is said, and decides what hosts are told to load.
 #include <gtest/gtest.h>
 
+#include <numeric>
+
 #include "tasks_manager_util.h"
+#include "tasks_support.h"
 
 namespace cloudrenderer::manager_test {
 namespace {
@@ -78,6 +81,29 @@ TEST_F(Counted, ListsOfAnotherLengthAreIgnored) {
   c.core.receive(hosts[0], visited({0, 0, 0, 0, 0, 1'000'000'000}), c.now);
   c.core.receive(hosts[0], visited({1'000'000'000}), c.now);
   EXPECT_FALSE(c.core.finished());
+}
+
+TEST(WorkerCore, SaysHowOftenRaysCameToItsParts) {
+  TestHost h(1);
+  std::vector<std::uint32_t> all;
+  for (std::uint32_t p = 1; p < TestHost::kParts; ++p) all.push_back(p);
+  h.start(all, map_of(1, 1, TestHost::kParts, {{1, all}}));
+  const auto said = [&] {
+    h.tick_later(10);
+    std::vector<std::uint64_t> visits;
+    for (const auto& [to, s] : only<wire::Status>(h.core.take_outbox()))
+      if (s.visits_size() != 0) visits.assign(s.visits().begin(), s.visits().end());
+    return visits;
+  };
+  EXPECT_TRUE(said().empty());
+  h.give_range(1);
+  h.run();
+  const auto visits = said();
+  ASSERT_EQ(visits.size(), TestHost::kParts);
+  const auto rays = h.core.status().counters().camera() + h.core.status().counters().bounce();
+  EXPECT_GT(std::accumulate(visits.begin(), visits.end(), std::uint64_t{0}), rays / 4);
+  EXPECT_LE(std::accumulate(visits.begin(), visits.end(), std::uint64_t{0}), rays);
+  EXPECT_TRUE(said().empty()) << "nothing has changed";
 }
 
 }  // namespace
