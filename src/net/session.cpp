@@ -30,6 +30,17 @@ std::string reason_of(std::exception_ptr error) {
   }
 }
 
+// The peer has closed the connection, as opposed to having said something wrong (a greeting of TLS counts no bytes).
+bool has_gone(std::exception_ptr error) {
+  try {
+    std::rethrow_exception(error);
+  } catch (const std::system_error& e) {
+    return e.code() == asio::error::eof || e.code() == asio::error::connection_reset;
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
 }  // namespace
 
 Session::Session(std::unique_ptr<Stream> stream, const SessionLimits& limits)
@@ -50,7 +61,7 @@ void Session::start(Handlers handlers) {
   });
   asio::co_spawn(stream_->executor(), run(), [self](std::exception_ptr error) {
     if (!error) return;
-    self->only_looked_ = !self->closed_ && self->bytes_received_ == 0;
+    self->only_looked_ = !self->closed_ && self->bytes_received_ == 0 && has_gone(error);
     self->finish(reason_of(error));
   });
 }
