@@ -154,23 +154,6 @@ TEST_F(Sessions, EndWhenThePeerHasSaidAll) {
   EXPECT_FALSE(reason_.empty());
 }
 
-TEST_F(Sessions, TellWhoOnlyLooked) {
-  SessionLimits limits;
-  limits.stranger_timeout = 200ms;
-  listen(limits, false);
-  connect().close();
-  run_until([&] { return closed_ == 1; });
-  EXPECT_TRUE(sessions_[0]->only_looked()) << reason_;
-  tcp::socket speaks = connect();
-  asio::write(speaks, asio::buffer("GET", 3));
-  speaks.close();
-  run_until([&] { return closed_ == 2; });
-  EXPECT_FALSE(sessions_[1]->only_looked()) << reason_;
-  const tcp::socket silent = connect();
-  run_until([&] { return closed_ == 3; });
-  EXPECT_FALSE(sessions_[2]->only_looked()) << reason_;
-}
-
 TEST_F(Sessions, CloseAPeerThatReadsNothing) {
   SessionLimits limits;
   limits.max_queued = 1 << 20;

@@ -41,7 +41,6 @@ struct End {
   std::shared_ptr<Session> session{};
   int proved = 0, introduced = 0, closed = 0;
   std::string reason{};
-  bool only_looked = false;
   std::vector<wire::Bytes> frames{};
 
   void greet_on(std::unique_ptr<Stream> stream, Role role) {
@@ -55,10 +54,9 @@ struct End {
       return true;
     };
     h.frame = [this](const auto&, WireFrame f) { frames.push_back(std::move(f.payload)); };
-    h.closed = [this](const auto& s, const std::string& why) {
+    h.closed = [this](const auto&, const std::string& why) {
       ++closed;
       reason = why;
-      only_looked = s->only_looked();
       session.reset();
     };
     session = greet(std::move(stream), role, token, std::move(h), limits);
@@ -164,13 +162,6 @@ TEST_F(TlsSessions, EncryptWhatLeavesTheLoopbackOnly) {
   EXPECT_EQ(client.session->channel_binding(), "");
 }
 
-TEST_F(TlsSessions, KnowWhoHasOnlyLooked) {
-  listen(TlsMode::on);
-  raw().close();
-  run_until([&] { return server.closed == 1; });
-  EXPECT_TRUE(server.only_looked) << server.reason;
-}
-
 TEST_F(TlsSessions, RefuseAnotherSecret) {
   client.token = "another";
   listen(TlsMode::on);
@@ -216,7 +207,6 @@ TEST_F(TlsSessions, RefuseAPeerWithoutTlsAndSayWhy) {
   run_until([&] { return server.closed == 1 && client.closed == 1; });
   expect_strangers();
   EXPECT_NE(server.reason.find("does not speak TLS"), std::string::npos) << server.reason;
-  EXPECT_FALSE(server.only_looked);
   EXPECT_NE(client.reason.find("it speaks TLS"), std::string::npos) << client.reason;
 }
 

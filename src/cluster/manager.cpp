@@ -134,9 +134,8 @@ void Manager::closed(const std::shared_ptr<Session>& session, const std::string&
   strangers_.remove(session);
   const auto host = session_hosts_.find(session.get());
   if (host == session_hosts_.end()) {
-    if (!reason.empty())  // health checks come every few seconds
-      spdlog::log(session->only_looked() ? spdlog::level::debug : spdlog::level::warn,
-                  "the connection of {} was closed: {}", session->peer(), reason);
+    if (!reason.empty())
+      spdlog::warn("the connection of {} was closed: {}", session->peer(), reason);
     return;
   }
   const HostId id = host->second;

@@ -30,17 +30,6 @@ std::string reason_of(std::exception_ptr error) {
   }
 }
 
-// The peer has closed the connection, as opposed to having said something wrong (a greeting of TLS counts no bytes).
-bool has_gone(std::exception_ptr error) {
-  try {
-    std::rethrow_exception(error);
-  } catch (const std::system_error& e) {
-    return e.code() == asio::error::eof || e.code() == asio::error::connection_reset;
-  } catch (const std::exception&) {
-    return false;
-  }
-}
-
 }  // namespace
 
 Session::Session(std::unique_ptr<Stream> stream, const SessionLimits& limits)
@@ -60,9 +49,7 @@ void Session::start(Handlers handlers) {
       session->finish("it did not introduce itself in time");
   });
   asio::co_spawn(stream_->executor(), run(), [self](std::exception_ptr error) {
-    if (!error) return;
-    self->only_looked_ = !self->closed_ && self->bytes_received_ == 0 && has_gone(error);
-    self->finish(reason_of(error));
+    if (error) self->finish(reason_of(error));
   });
 }
 

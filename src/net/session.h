@@ -52,8 +52,6 @@ class Session : public std::enable_shared_from_this<Session> {
   void trust();            // the peer is who it should be: strangers' limits no longer hold
 
   bool is_open() const { return !closed_; }
-  // The peer went before it had said anything: mostly somebody who asks whether a service is up.
-  bool only_looked() const { return only_looked_; }
   const std::string& peer() const { return peer_; }
   const Address& local() const { return local_; }
   std::uint64_t bytes_sent() const { return bytes_sent_; }
@@ -75,7 +73,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::string channel_binding_;
   Handlers handlers_;
   asio::steady_timer timer_;  // of strangers, then of close_when_sent()
-  std::atomic<bool> closing_ = false, closed_ = false, trusted_ = false, only_looked_ = false;
+  std::atomic<bool> closing_ = false, closed_ = false, trusted_ = false;
   std::atomic<std::uint64_t> bytes_sent_ = 0, bytes_received_ = 0;
 
   mutable std::mutex mutex_;  // guards the queue
