@@ -11,6 +11,11 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
 endif()
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   target_compile_options(cloudrenderer_options INTERFACE -march=x86-64-v3)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 12)
+    # GCC copies and clears records of a hundred bytes with `rep movs` and `rep stos`, which take longer to begin than a
+    # few vector moves take altogether: half of the time of camera rays.
+    target_compile_options(cloudrenderer_options INTERFACE -mstringop-strategy=vector_loop -mmove-max=256 -mstore-max=256)
+  endif()
 endif()
 if(CLOUDRENDERER_SANITIZE)
   target_compile_options(cloudrenderer_options INTERFACE -fsanitize=${CLOUDRENDERER_SANITIZE} -fno-omit-frame-pointer)

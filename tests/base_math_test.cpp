@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <random>
+#include <vector>
 
 #include "base/portable_math.h"
 
@@ -57,6 +59,26 @@ TEST(PortableMath, EdgesAreDefined) {
   EXPECT_EQ(portable::sin(kInfinity), 0.f);
   EXPECT_FLOAT_EQ(portable::atan2(0.f, -1.f), kPi);
   EXPECT_FLOAT_EQ(portable::acos(2.f), 0.f);
+}
+
+// The places lie at the end of arrays of just that size, so that a sanitizer sees what is read behind them.
+template <std::size_t N>
+void expect_gathered() {
+  std::array<std::vector<float>, kLanes> rows;
+  std::array<const float*, kLanes> places;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    for (std::size_t n = 0; n < N; ++n) rows[i].push_back(static_cast<float>(100 * i + n));
+    places[i] = rows[i].data();
+  }
+  const auto columns = lanes::gather<N>(places);
+  for (std::size_t n = 0; n < N; ++n)
+    for (std::size_t i = 0; i < kLanes; ++i) EXPECT_EQ(lanes::get(columns[n], i), rows[i][n]) << N << " numbers";
+}
+TEST(Lanes, GatherTakesEachNumberToItsLane) {
+  expect_gathered<2>();
+  expect_gathered<3>();
+  expect_gathered<4>();
+  expect_gathered<8>();
 }
 
 TEST(Transform, NormalsStayPerpendicularUnderNonUniformScale) {

@@ -18,7 +18,7 @@ using test::string;
 
 Fixed3 fixed(const Rgb& c, int k = 20) {
   bool clamped = false;
-  return quantise(c, k, clamped);
+  return quantise(c, fixed_units(k), clamped);
 }
 
 TEST(Quantise, RoundsToNearestAndTiesToEven) {
@@ -30,12 +30,12 @@ TEST(Quantise, RoundsToNearestAndTiesToEven) {
 
 TEST(Quantise, ClampsAndSaysSo) {
   bool clamped = false;
-  EXPECT_EQ(quantise({1.f, 2.f, 3.f}, 20, clamped)[0], 1 << 20);
+  EXPECT_EQ(quantise({1.f, 2.f, 3.f}, fixed_units(20), clamped)[0], 1 << 20);
   EXPECT_FALSE(clamped);
-  const Fixed3 v = quantise({1e30f, -1e30f, 1.f}, 20, clamped);
+  const Fixed3 v = quantise({1e30f, -1e30f, 1.f}, fixed_units(20), clamped);
   EXPECT_TRUE(clamped);
   EXPECT_EQ(v, (Fixed3{std::int64_t{1} << 62, -(std::int64_t{1} << 62), 1 << 20}));
-  quantise(Rgb(0.f), 20, clamped);
+  quantise(Rgb(0.f), fixed_units(20), clamped);
   EXPECT_TRUE(clamped) << "a later sample does not take the mark away";
 }
 

@@ -154,11 +154,17 @@ inline float to_float(std::int32_t x) { return static_cast<float>(x); }
 inline Float8 to_float(Ints8 x) { return Float8::of(__builtin_convertvector(x, Float8::Raw)); }
 inline bool equal(std::int32_t a, std::int32_t b) { return a == b; }
 inline Mask8 equal(Ints8 a, std::int32_t b) { return Mask8::of(a == b); }
+inline bool greater(std::int32_t a, std::int32_t b) { return a > b; }
+inline Mask8 greater(Ints8 a, std::int32_t b) { return Mask8::of(a > b); }
 inline bool has_bits(std::int32_t x, std::int32_t b) { return (x & b) != 0; }
 inline Mask8 has_bits(Ints8 x, std::int32_t b) { return Mask8::of((x & b) != 0); }
 
 inline bool is_finite(float x) { return std::isfinite(x); }
 inline Mask8 is_finite(Float8 x) { return abs(x) < kInfinity; }
+template <class F>
+MaskOf<F> is_finite(const Vec3Of<F>& v) {
+  return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
+}
 template <class F>
 MaskOf<F> is_black(const Vec3Of<F>& c) {
   return c.x == 0.f && c.y == 0.f && c.z == 0.f;
@@ -215,6 +221,34 @@ inline void transpose(std::array<Float8, 8>& rows) {
     rows[i].v = _mm256_permute2f128_ps(b[i], b[i + 4], 0x20);
     rows[i + 4].v = _mm256_permute2f128_ps(b[i], b[i + 4], 0x31);
   }
+}
+
+// N numbers each from eight places; out[n] holds number n of all. Reads nothing behind them.
+template <std::size_t N>
+std::array<Float8, N> gather(const std::array<const float*, kLanes>& from) {
+  std::array<Float8, N> out;
+  if constexpr (N == 8) {
+    for (std::size_t i = 0; i < kLanes; ++i) out[i] = Float8::load(from[i]);
+    transpose(out);
+  } else {
+    static_assert(N >= 2 && N <= 4);
+    const auto load = [](const float* p) -> __m128 {
+      if constexpr (N == 2) return _mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p)));
+      if constexpr (N == 3) return _mm_maskload_ps(p, _mm_setr_epi32(-1, -1, -1, 0));
+      return _mm_loadu_ps(p);
+    };
+    __m256 rows[4];
+    for (std::size_t i = 0; i < 4; ++i) rows[i] = _mm256_set_m128(load(from[i + 4]), load(from[i]));
+    const __m256 a = _mm256_unpacklo_ps(rows[0], rows[2]), b = _mm256_unpacklo_ps(rows[1], rows[3]);
+    out[0].v = _mm256_unpacklo_ps(a, b);
+    out[1].v = _mm256_unpackhi_ps(a, b);
+    if constexpr (N > 2) {
+      const __m256 c = _mm256_unpackhi_ps(rows[0], rows[2]), d = _mm256_unpackhi_ps(rows[1], rows[3]);
+      out[2].v = _mm256_unpacklo_ps(c, d);
+      if constexpr (N == 4) out[3].v = _mm256_unpackhi_ps(c, d);
+    }
+  }
+  return out;
 }
 
 }  // namespace lanes

@@ -8,30 +8,14 @@
 namespace cloudrenderer {
 namespace {
 
-double power_of_two(int k) {
-  return std::bit_cast<double>(static_cast<std::uint64_t>(std::clamp(k, -1000, 1000) + 1023) << 52);
-}
-
 double mean(Int128 sum, std::uint32_t count, double unit) {
   return static_cast<double>(sum) * unit / static_cast<double>(count);
 }
 
 }  // namespace
 
-Fixed3 quantise(const Rgb& c, int k, bool& clamped) {
-  constexpr double kLimit = 0x1p62;
-  const double scale = power_of_two(k);
-  Fixed3 out;
-  for (int i = 0; i < 3; ++i) {
-    double v = static_cast<double>(c[i]) * scale;  // exact: only the exponent changes
-    if (!(std::fabs(v) <= kLimit)) {
-      v = v < 0 ? -kLimit : kLimit;
-      clamped = true;
-    }
-    // nearbyint rounds ties to even in the default mode, which nothing here changes.
-    out[static_cast<std::size_t>(i)] = static_cast<std::int64_t>(std::nearbyint(v));
-  }
-  return out;
+double fixed_units(int k) {
+  return std::bit_cast<double>(static_cast<std::uint64_t>(std::clamp(k, -1000, 1000) + 1023) << 52);
 }
 
 void PixelSums::add(const Fixed3& v, std::uint32_t sample) {
@@ -49,7 +33,7 @@ void PixelSums::merge(const PixelSums& other) {
 
 Image Film::image(float scale) const {
   Image out{frame_.crop_width(), frame_.crop_height(), std::vector<Rgb>(sums_.size(), Rgb(0.f))};
-  const double unit = power_of_two(-k_) * static_cast<double>(scale);
+  const double unit = fixed_units(-k_) * static_cast<double>(scale);
   for (std::size_t p = 0; p < sums_.size(); ++p) {
     const PixelSums& s = sums_[p];
     const std::uint32_t n = s.count[0] + s.count[1];
@@ -62,7 +46,7 @@ Image Film::image(float scale) const {
 }
 
 Film::ErrorEstimate Film::estimated_error(float scale) const {
-  const double unit = power_of_two(-k_) * static_cast<double>(scale);
+  const double unit = fixed_units(-k_) * static_cast<double>(scale);
   const std::size_t width = frame_.crop_width(), height = width ? sums_.size() / width : 0;
   const Image means = image(scale);
   const auto seen = [&](std::size_t at) { return sums_[at].count[0] + sums_[at].count[1] != 0; };

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <span>
@@ -20,7 +21,21 @@ using Fixed3 = std::array<std::int64_t, 3>;
 
 // Rounds a contribution once to fixed point. Out-of-range values are clamped to +-2^62 and
 // `clamped` is set. The input is finite.
-Fixed3 quantise(const Rgb& c, int k, bool& clamped);
+// `units`: fixed_units(k).
+inline std::int64_t quantise(float c, double units, bool& clamped) {
+  constexpr double kLimit = 0x1p62;
+  double v = static_cast<double>(c) * units;  // exact: only the exponent changes
+  if (!(std::fabs(v) <= kLimit)) {
+    v = v < 0 ? -kLimit : kLimit;
+    clamped = true;
+  }
+  return std::llrint(v);  // ties to even: the default mode, which nothing here changes
+}
+inline Fixed3 quantise(const Rgb& c, double units, bool& clamped) {
+  return {quantise(c.x, units, clamped), quantise(c.y, units, clamped), quantise(c.z, units, clamped)};
+}
+// 2^k
+double fixed_units(int k);
 
 // What a pixel has got so far; half h holds the samples s with (s & 1) == h.
 struct PixelSums {

@@ -2,7 +2,7 @@
 
 #include <array>
 #include <bit>
-#include <chrono>
+#include <cstddef>
 
 #include "integrator/timer.h"
 
@@ -73,6 +73,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   lights_ = Lights::build(manifest.scene, manifest.shape_lights, main_part, manifest.bounds, warnings);
   even_lobes_ = lights_->has_v2_disk();
   first_pair_ = lights_->has_choice() ? 0 : 1;
+  fixed_units_ = fixed_units(job.k);
   hittable_lights_ = lights_->has_infinite() || !manifest.shape_lights.empty();
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings);
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
@@ -87,22 +88,27 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
   const bool lens = camera_->uses_lens();
   SampleSequence::Eight sequences;
   Columns<2> corners;
+  auto sample = static_cast<std::uint32_t>(range.sample_begin + first % samples);
+  auto x = static_cast<std::uint32_t>(range.x0 + first / samples % tile_width);
+  auto y = static_cast<std::uint32_t>(range.y0 + first / samples / tile_width);
   for (std::uint64_t i = 0; i < count; i += kLanes) {
     const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(kLanes, count - i));
     out.resize(out.size() + n);
     PathSegment* const eight = out.data() + (out.size() - n);
     for (std::size_t lane = 0; lane < n; ++lane) {
-      const std::uint64_t path = first + i + lane, pixel = path / samples;
-      const auto x = range.x0 + static_cast<std::uint32_t>(pixel % tile_width);
-      const auto y = range.y0 + static_cast<std::uint32_t>(pixel / tile_width);
       PathSegment& s = eight[lane];
       s.task = range.task;
       s.owner = owner;
       s.pixel = y * job_.film.frame.width + x;
-      s.sample = range.sample_begin + static_cast<std::uint32_t>(path % samples);
+      s.sample = sample;
       s.flags = kSpecularBounce | kCameraRay;
       corners.put(0, lane, Vec2(static_cast<float>(x), static_cast<float>(y)));
       sequences[lane] = SampleSequence(job_.sequence, job_.seed, s.pixel, s.sample);
+      if (++sample < range.sample_end) continue;
+      sample = range.sample_begin;
+      if (++x < range.x1) continue;
+      x = range.x0;
+      ++y;
     }
     for (std::size_t lane = n; lane < kLanes; ++lane) {  // what is missing to eight is made and dropped
       corners.put(0, lane, Vec2(0.f));
@@ -171,15 +177,17 @@ PartId PathTracer::trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) c
 
 // Eight rays at once, for which nothing has been tested: packets find the same bits as single rays (tested), faster.
 void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const {
-  Columns<6> in;
+  std::array<const float*, kLanes> places;
   std::uint32_t from_camera = 0;
   for (std::size_t i = 0; i < 8; ++i) {
-    in.put(0, i, s[i].origin);
-    in.put(3, i, s[i].direction);
+    places[i] = &s[i].origin.x;
     from_camera += (s[i].flags & kCameraRay) ? 1u : 0u;
     s[i].flags |= kMainTested;
   }
-  const RayPacket rays{in.three(0), kInfinity, in.three(3)};
+  // Origin and direction lie side by side.
+  static_assert(offsetof(PathSegment, direction) == offsetof(PathSegment, origin) + sizeof(Vec3));
+  const auto in = lanes::gather<8>(places);
+  const RayPacket rays{{in[0], in[1], in[2]}, kInfinity, {in[3], in[4], in[5]}};
   const std::uint32_t good = lanes::to_bits(traceable(rays.origin, rays.direction));
   if (good == 0) return;
   const Coherence coherence = from_camera == 8 ? Coherence::alike : Coherence::any;
@@ -268,14 +276,17 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
   CandidateList list;
   for (std::size_t first = 0; first < rays.size(); first += 8) {
     const std::size_t n = std::min<std::size_t>(8, rays.size() - first);
-    Columns<7> in;
+    std::array<const float*, kLanes> starts, ends;
     for (std::size_t i = 0; i < 8; ++i) {
       const OcclusionRay& r = rays[first + (i < n ? i : 0)];
-      in.put(0, i, r.origin);
-      in.put(3, i, r.direction);
-      in.at[6][i] = r.t_max;
+      starts[i] = &r.origin.x;
+      ends[i] = &r.direction.y;
     }
-    const RayPacket packet{in.three(0), in.one(6), in.three(3)};
+    // Seven numbers in a row.
+    static_assert(offsetof(OcclusionRay, direction) == sizeof(Vec3) && offsetof(OcclusionRay, t_max) == 2 * sizeof(Vec3));
+    const auto a = lanes::gather<4>(starts);
+    const auto b = lanes::gather<3>(ends);
+    const RayPacket packet{{a[0], a[1], a[2]}, b[2], {a[3], b[0], b[1]}};
     std::uint32_t open = ((1u << n) - 1u) & lanes::to_bits(traceable(packet.origin, packet.direction) && packet.t_max > 0.f);
     std::uint32_t hit = 0;
     if (open && main_geometry_) hit |= set.occluded8(0, packet, open);

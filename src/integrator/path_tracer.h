@@ -57,6 +57,7 @@ class PathTracer final : public PathEngine {
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool footprint_;
   std::uint32_t first_pair_;  // of a vertex's numbers that is of use: the first one chooses among lights
+  double fixed_units_;     // of fixed point, in one
   float footprint_scale_;  // pbrt: a sample's footprint is a pixel's over sqrt(spp)
   Resident& resident_;
   std::unique_ptr<Shading> shading_;

@@ -1,5 +1,7 @@
 // The light transport. Everything that a path does at a surface is here and nowhere else.
 #include <cmath>
+#include <cstddef>
+#include <cstring>
 
 #include "base/sampling.h"
 #include "integrator/shader.h"
@@ -11,7 +13,7 @@ namespace cloudrenderer {
 namespace {
 
 constexpr std::uint16_t kMaxPassed = 1000;    // null surfaces in a row of one path: none is endless
-constexpr std::uint32_t kRouletteFrom = 3;    // vertex after which paths are thinned
+constexpr std::int32_t kRouletteFrom = 3;    // vertex after which paths are thinned
 
 // A path survives with this times its largest throughput, at most surely.
 constexpr float kRouletteScale = 1.f;
@@ -107,22 +109,19 @@ void PathTracer::Shader::end() {
   }
 }
 
-// Sends the path on.
-void PathTracer::Shader::next(const Vec3& origin, const Vec3& direction) {
-  PathSegment& s = *path;
-  s.origin = origin;
-  s.direction = direction;
+PathSegment& PathTracer::Shader::next() {
+  PathSegment& s = out.continuing.emplace_back(*path);
   s.best = {};
   s.tested = 0;
   s.window = 0;
   s.flags = static_cast<std::uint16_t>(s.flags & ~(kMainTested | kCameraRay));
   ++out.counts.bounce;
-  out.continuing.push_back(s);
   const auto index = static_cast<std::uint32_t>(out.continuing.size() - 1);
   for (std::size_t i = first_shadow; i < shadows.lights.size(); ++i) {
     shadows.lights[i].path = index;
     shadows.lights[i].path_ended = false;
   }
+  return s;
 }
 
 void PathTracer::Shader::escape() {
@@ -149,7 +148,8 @@ void PathTracer::Shader::occlusion(const SurfacePoint& p, const Vec3& offset, co
   const Vec2 u = sequence.get_pairs(0)[kDirection];
   const Vec3 w = Frame(n).to_world(tracer.job_.ao_cosine ? sample_cosine_hemisphere(u) : sample_uniform_hemisphere(u));
   ++out.counts.shadow;
-  shadow({ray_start(p.p, offset, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)}, s.throughput);
+  if (OcclusionRay* const ray = shadow(s.throughput))
+    *ray = {ray_start(p.p, offset, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)};
   end();
 }
 
@@ -168,11 +168,30 @@ void PathTracer::Shader::direct(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatter
   arrives = arrives && !lanes::is_black(f);
   if (tracer.even_lobes_) pdf = bsdf.even_pdf(v.wo, sample.wi);
   const F weight = lanes::select(sample.delta, F(1.f), power_weight<F>(sample.weight_pdf, pdf));
-  v.lit = arrives;
+  v.asks = arrives;
   v.light_origin = ray_start(v.p, v.offset, v.ng, sample.wi);
   v.light_direction = sample.wi;
   v.light_distance = lanes::select(sample.distance < 1e18f, sample.distance * kShadowEnd, F(1e18f));
   v.light = v.throughput * f * sample.radiance * (weight / sample.pdf);
+}
+
+// Ends paths that have come far enough, and some that carry little (Russian roulette).
+template <class F>
+void PathTracer::Shader::thin_out(ScatterOf<F>& v) const {
+  const JobSettings& job = tracer.job_;
+  const auto at_most = [](std::uint32_t n) { return static_cast<std::int32_t>(std::min(n, 0x7fffffffu)); };
+  v.invalid = v.goes_on && !lanes::is_finite<F>(v.throughput);
+  const IntOf<F> vertex = v.vertex + 1;
+  const MaskOf<F> spent = lanes::greater(vertex, at_most(job.light_vertices) - 1);
+  // The ray is only the other half of the light sample at this vertex.
+  v.last = !v.specular && (spent || MaskOf<F>(job.integrator == IntegratorKind::direct));
+  const MaskOf<F> over = (v.last && MaskOf<F>(!tracer.hittable_lights_)) ||
+                         (v.specular && spent && lanes::greater(vertex, at_most(job.emission_vertex)));
+  const F largest = lanes::max(v.throughput.x, lanes::max(v.throughput.y, v.throughput.z));
+  const F survive = lanes::min(1.f, largest * kRouletteScale);
+  const MaskOf<F> thin = lanes::greater(vertex, kRouletteFrom) && survive < 1.f;
+  v.goes_on = v.goes_on && !v.invalid && !over && !(thin && v.numbers[kLobeAndRoulette].y >= survive);
+  if (lanes::any(thin)) v.throughput = lanes::select(thin, v.throughput / survive, v.throughput);
 }
 
 template <class F>
@@ -185,6 +204,7 @@ void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatte
   v.goes_on = v.goes_on && !lanes::is_black(sample.weight);
   v.throughput *= sample.weight;
   v.specular = sample.specular;
+  thin_out(v);
   v.origin = ray_start(v.p, v.offset, v.ng, sample.wi);
   v.direction = sample.wi;
   v.pdf = tracer.even_lobes_ ? bsdf.even_pdf(v.wo, sample.wi) : sample.pdf;
@@ -194,38 +214,28 @@ template void PathTracer::Shader::scatter<Float8>(const Bsdf8&, Mask8, ScatterOf
 
 void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, float t) {
   using R = ScatterResults;
-  PathSegment& s = *path;
-  const JobSettings& job = tracer.job_;
-  if (r.lit >> lane & 1u) {
+  const float* const row = r.rows[lane];
+  if (r.asks >> lane & 1u) {
     ++out.counts.shadow;
-    shadow({r.of.get(R::light_origin, lane), r.of.get(R::light_direction, lane), r.of.at[R::light_distance][lane]},
-           r.of.get(R::light, lane));
+    static_assert(sizeof(OcclusionRay) == (R::light_distance + 1 - R::light_origin) * sizeof(float));
+    if (OcclusionRay* const ray = shadow(r.get(R::light, lane)))
+      std::memcpy(static_cast<void*>(ray), row + R::light_origin, sizeof(*ray));
   }
-  if (!(r.goes_on >> lane & 1u)) return end();
-  const bool specular = r.specular >> lane & 1u;
-  s.throughput = r.of.get(R::throughput, lane);
-  if (!is_finite(s.throughput)) {
-    ++out.counts.invalid;
-    end_flags |= kEndInvalid;
-    return end();
-  }
-  ++s.vertex;
-  const bool last = !specular && (job.integrator == IntegratorKind::direct || s.vertex >= job.light_vertices);
-  if (last) {
-    // The ray is only the other half of the light sample at this vertex.
-    if (!tracer.hittable_lights_) return end();
-    s.flags |= kLastRay;
-  } else if (specular && s.vertex > job.emission_vertex && s.vertex >= job.light_vertices) {
-    return end();
-  }
-  if (s.vertex > kRouletteFrom) {
-    const float survive = std::min(1.f, max_component(s.throughput) * kRouletteScale);
-    if (survive < 1.f) {
-      if (r.of.at[R::roulette][lane] >= survive) return end();
-      s.throughput /= survive;
+  if (!(r.goes_on >> lane & 1u)) {
+    if (r.invalid >> lane & 1u) {
+      ++out.counts.invalid;
+      end_flags |= kEndInvalid;
     }
+    return end();
   }
-  if (specular) {
+  PathSegment& s = next();
+  constexpr std::size_t kRay = offsetof(PathSegment, previous_pdf) + sizeof(float);
+  static_assert(offsetof(PathSegment, origin) == 0 && kRay == (R::pdf + 1 - R::origin) * sizeof(float));
+  std::memcpy(static_cast<void*>(&s), row + R::origin, kRay);
+  s.previous_normal = r.get(R::side, lane);
+  ++s.vertex;
+  if (r.last >> lane & 1u) s.flags |= kLastRay;
+  if (r.specular >> lane & 1u) {
     s.flags |= kSpecularBounce;
     s.cone_width += s.cone_spread * t;
     s.previous_pdf = 0;
@@ -233,10 +243,7 @@ void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, fl
     s.flags = static_cast<std::uint16_t>((s.flags & ~kSpecularBounce) | kAnyNonSpecular);
     // As in pbrt, textures seen by light that has scattered are not filtered.
     s.cone_width = s.cone_spread = 0;
-    s.previous_pdf = r.of.at[R::pdf][lane];
   }
-  s.previous_normal = r.of.get(R::side, lane);
-  next(r.of.get(R::origin, lane), r.of.get(R::direction, lane));
 }
 
 void PathTracer::Shader::vertex(const Hit& hit) {
@@ -268,7 +275,8 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     s.previous_pdf = 0;
     if (s.flags & kLastRay || ++s.passed > kMaxPassed) return end();
     s.cone_width += s.cone_spread * hit.t;
-    return next(ray_start(p.p, offset, p.ng, s.direction), s.direction);
+    next().origin = ray_start(p.p, offset, p.ng, s.direction);
+    return;
   }
   if (is_over(s)) return end();
 
@@ -282,6 +290,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   v.ns = p.ns;
   v.offset = offset;
   v.wo = wo;
+  v.vertex = s.vertex;
   for (std::size_t i = 0; i < v.numbers.size(); ++i) v.numbers[i] = numbers[i];
   v.throughput = s.throughput;
   scatter(bsdf, true, v);

@@ -1,4 +1,6 @@
 // Vertices eight at once: gathers what the formulas of shade.cpp need into lanes.
+#include <cstddef>
+
 #include "integrator/shader.h"
 #include "shapes/triangle.h"
 
@@ -46,13 +48,15 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   const PathTracer& tracer = shader_.tracer;
   const JobSettings& job = tracer.job_;
   const bool normals = kind & 2u, uvs = kind & 1u;
-  enum Column : std::size_t { kP = 0, kN = 9, kUv = 18, kBarycentric = 24, kWay = 26, kThroughput = 29, kColumns = 32 };
-  Columns<kColumns> in;
+  // Places of what is to be gathered. What is missing to eight is filled up with the first.
+  using Places = std::array<const float*, kLanes>;
+  std::array<Places, 3> positions, corner_normals, corner_uvs;
+  Places barycentric, ways;
   SampleSequence::Eight sequences;
   std::array<std::uint32_t, kLanes> vertices;
   std::array<std::uint32_t, kLanes> materials;
+  Ints8 scattered_at;
   std::uint32_t flips = 0;
-  // What is missing to eight is filled up with the first.
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const std::size_t from = lane < group.count ? lane : 0, i = group.segments[from];
     const MeshChunk& chunk = *group.chunks[from];
@@ -63,15 +67,15 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
     for (int k = 0; k < 3; ++k) {
       const auto c = static_cast<std::size_t>(k);
       const std::uint32_t vertex = corners[k], own = vertex - chunk.first_vertex;
-      in.put(kP + 3 * c, lane, part.positions[vertex]);
-      if (normals) in.put(kN + 3 * c, lane, part.normals[chunk.first_normal + own]);
-      if (uvs) in.put(kUv + 2 * c, lane, part.uvs[chunk.first_uv + own]);
+      positions[c][lane] = &part.positions[vertex].x;
+      if (normals) corner_normals[c][lane] = &part.normals[chunk.first_normal + own].x;
+      if (uvs) corner_uvs[c][lane] = &part.uvs[chunk.first_uv + own].x;
     }
-    in.put(kBarycentric, lane, Vec2(hit.u, hit.v));
-    in.put(kWay, lane, s.direction);
-    in.put(kThroughput, lane, s.throughput);
+    barycentric[lane] = &hit.u;
+    ways[lane] = &s.direction.x;
     sequences[lane] = SampleSequence(job.sequence, job.seed, s.pixel, s.sample);
     vertices[lane] = s.vertex;
+    scattered_at[lane] = s.vertex;
     materials[lane] = chunk.material;
     flips |= static_cast<std::uint32_t>(chunk.flip != 0) << lane;
   }
@@ -79,20 +83,32 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   TriangleVerticesOf<Float8> triangle;
   triangle.has_normals = normals;
   triangle.has_uvs = uvs;
+  const auto three = [](const Places& at) {
+    const auto g = lanes::gather<3>(at);
+    return Vec3x8(g[0], g[1], g[2]);
+  };
+  const auto two = [](const Places& at) {
+    const auto g = lanes::gather<2>(at);
+    return Vec2x8(g[0], g[1]);
+  };
   for (std::size_t c = 0; c < 3; ++c) {
-    triangle.p[c] = in.three(kP + 3 * c);
-    if (normals) triangle.n[c] = in.three(kN + 3 * c);
-    if (uvs) triangle.uv[c] = in.two(kUv + 2 * c);
+    triangle.p[c] = three(positions[c]);
+    if (normals) triangle.n[c] = three(corner_normals[c]);
+    if (uvs) triangle.uv[c] = two(corner_uvs[c]);
   }
-  const auto point = triangle_basics<Float8>(triangle, lanes::from_mask_bits(flips), tracer.dialect_, in.one(kBarycentric),
-                                             in.one(kBarycentric + 1));
+  const Vec2x8 b = two(barycentric);
+  // A segment's direction and throughput lie side by side.
+  static_assert(offsetof(PathSegment, throughput) == offsetof(PathSegment, direction) + sizeof(Vec3));
+  const auto way = lanes::gather<8>(ways);
+  const auto point = triangle_basics<Float8>(triangle, lanes::from_mask_bits(flips), tracer.dialect_, b.x, b.y);
   ScatterOf<Float8> v;
   v.p = point.p;
   v.ng = point.ng;
   v.ns = point.ns;
   v.offset = ray_offset(point.p, point.p_error, point.ng);
-  v.wo = -in.three(kWay);
-  v.throughput = in.three(kThroughput);
+  v.wo = {-way[0], -way[1], -way[2]};
+  v.throughput = {way[3], way[4], way[5]};
+  v.vertex = scattered_at;
   v.numbers = SampleSequence::get_pairs(sequences, vertices, tracer.first_pair_);
   const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);

@@ -1,5 +1,9 @@
 #pragma once
 // Inside src/integrator only: what shading a batch is made of.
+#include <algorithm>
+#include <cstddef>
+#include <type_traits>
+
 #include "integrator/path_tracer.h"
 #include "shapes/surface.h"
 
@@ -11,9 +15,9 @@ enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoule
 // Light that arrives if its ray is free: the rays apart from what they are for.
 struct PathTracer::Shadows {
   struct Light {
-    Fixed3 contribution;
-    std::uint32_t path;  // index into continuing or ended
-    bool path_ended;
+    Fixed3 contribution{};
+    std::uint32_t path = 0;  // index into continuing or ended
+    bool path_ended = false;
   };
   std::vector<OcclusionRay> rays;
   std::vector<Light> lights;
@@ -26,51 +30,68 @@ struct ScatterOf {
   Vec3Of<F> offset;  // of new rays, see ray_offset
   Vec3Of<F> wo;
   std::array<Vec2Of<F>, 4> numbers;
+  IntOf<F> vertex;  // surfaces scattered at before this one
   // Before and, where the path goes on, after.
   Vec3Of<F> throughput;
 
-  // Found by scatter(): light that arrives if its ray is free ...
-  MaskOf<F> lit{false};
-  Vec3Of<F> light_origin, light_direction, light;
+  // Found by scatter(): a shadow ray is to be counted, and traced with light that arrives if it is free ...
+  MaskOf<F> asks{false};
+  Vec3Of<F> light_origin, light_direction, light{F(0)};
   F light_distance;
   // ... and the next ray.
   MaskOf<F> goes_on{false};
+  MaskOf<F> invalid{false};   // ended by a throughput that is not finite
+  MaskOf<F> last{false};      // see kLastRay
   MaskOf<F> specular{false};
-  Vec3Of<F> side, origin, direction;
+  Vec3Of<F> side, origin{F(0)}, direction;
   F pdf;
 };
 
-// What was found at eight vertices, or in lane 0 at one, on its way from lanes back to single paths.
+// What was found at eight vertices, or in row 0 at one, on its way from lanes back to single paths: a row a path, in
+// the order in which OcclusionRay and PathSegment keep it.
 struct ScatterResults {
-  enum Column : std::size_t { light_origin = 0, light_direction = 3, light = 6, light_distance = 9, side = 10, roulette = 13,
-                              origin = 14, direction = 17, throughput = 20, pdf = 23, columns = 24 };
-  Columns<columns> of;
-  std::uint32_t lit, goes_on, specular;  // a bit a lane
+  enum Column : std::size_t { light_origin = 0, light_direction = 3, light_distance = 6, light = 7, side = 10, origin = 13,
+                              direction = 16, throughput = 19, pdf = 22, columns = 24 };
+  alignas(32) float rows[kLanes][columns];
+  std::uint32_t asks, goes_on, invalid, last, specular;  // a bit a lane
 
   template <class F>
   explicit ScatterResults(const ScatterOf<F>& v)
-      : lit(lanes::to_bits(v.lit)), goes_on(lanes::to_bits(v.goes_on)), specular(lanes::to_bits(v.specular)) {
-    if (lit) {
-      keep(light_origin, v.light_origin);
-      keep(light_direction, v.light_direction);
-      keep(light, v.light);
-      keep(light_distance, v.light_distance);
-    }
-    if (goes_on) {
-      keep(side, v.side);
-      keep(roulette, v.numbers[kLobeAndRoulette].y);
-      keep(origin, v.origin);
-      keep(direction, v.direction);
-      keep(throughput, v.throughput);
-      keep(pdf, v.pdf);
-    }
+      : asks(lanes::to_bits(v.asks)),
+        goes_on(lanes::to_bits(v.goes_on)),
+        invalid(lanes::to_bits(v.invalid)),
+        last(lanes::to_bits(v.last)),
+        specular(lanes::to_bits(v.specular)) {
+    if (asks) keep<F>(0, v.light_origin, v.light_direction, v.light_distance, v.light.x);
+    if (asks | goes_on) keep<F>(8, v.light.y, v.light.z, v.side, v.origin);
+    if (goes_on) keep<F>(16, v.direction, v.throughput, v.pdf, F(0.f));
   }
+  Vec3 get(Column c, std::size_t lane) const { return {rows[lane][c], rows[lane][c + 1], rows[lane][c + 2]}; }
 
  private:
-  void keep(std::size_t column, float x) { of.at[column][0] = x; }
-  void keep(std::size_t column, const Vec3& x) { of.put(column, 0, x); }
-  void keep(std::size_t column, const Float8& x) { of.store(column, x); }
-  void keep(std::size_t column, const Vec3x8& x) { of.store(column, x); }
+  // Eight columns from `first` on.
+  template <class F, class... Numbers>
+  void keep(std::size_t first, const Numbers&... of) {
+    std::array<F, 8> eight;
+    std::size_t n = 0;
+    (take(eight, n, of), ...);
+    if constexpr (std::is_same_v<F, float>) {
+      std::copy(eight.begin(), eight.end(), rows[0] + first);
+    } else {
+      lanes::transpose(eight);
+      for (std::size_t i = 0; i < kLanes; ++i) eight[i].store(rows[i] + first);
+    }
+  }
+  template <class F>
+  static void take(std::array<F, 8>& eight, std::size_t& n, const F& x) {
+    eight[n++] = x;
+  }
+  template <class F>
+  static void take(std::array<F, 8>& eight, std::size_t& n, const Vec3Of<F>& x) {
+    eight[n++] = x.x;
+    eight[n++] = x.y;
+    eight[n++] = x.z;
+  }
 };
 
 // Shades one batch; holds what the vertices of a batch share.
@@ -103,7 +124,7 @@ struct PathTracer::Shader {
       return false;
     }
     bool clamped = false;
-    fixed = quantise(c, tracer.job_.k, clamped);
+    for (std::size_t i = 0; i < 3; ++i) fixed[i] = quantise(c[static_cast<int>(i)], tracer.fixed_units_, clamped);
     if (clamped) {
       ++out.counts.clamped;
       end_flags |= kEndClamped;
@@ -116,12 +137,15 @@ struct PathTracer::Shader {
     if (!to_fixed(c, f)) return;
     for (std::size_t i = 0; i < 3; ++i) path->radiance[i] += f[i];
   }
-  void shadow(const OcclusionRay& ray, const Rgb& c) {
-    if (is_black(c)) return;
-    Fixed3 f;
-    if (!to_fixed(c, f)) return;
-    shadows.rays.push_back(ray);
-    shadows.lights.push_back({f, 0, false});
+  // A shadow ray for light c, to be filled in; null if there is nothing to ask for. Made where it stays: numbers that are
+  // written one by one and then copied together are waited for.
+  OcclusionRay* shadow(const Rgb& c) {
+    if (is_black(c)) return nullptr;
+    if (!to_fixed(c, shadows.lights.emplace_back().contribution)) {
+      shadows.lights.pop_back();
+      return nullptr;
+    }
+    return &shadows.rays.emplace_back();
   }
 
   SurfacePoint surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
@@ -129,7 +153,8 @@ struct PathTracer::Shader {
   void vertex(const Hit& hit);
   void escape();
   void end();
-  void next(const Vec3& origin, const Vec3& direction);
+  // Sends the path on; the caller says where, in what is returned.
+  PathSegment& next();
   void occlusion(const SurfacePoint& p, const Vec3& offset, const SampleSequence& sequence);
   // True if the path scatters no more at its vertex.
   bool is_over(const PathSegment& s) const { return (s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices; }
@@ -145,6 +170,8 @@ struct PathTracer::Shader {
   }
   template <class F>
   void direct(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
+  template <class F>
+  void thin_out(ScatterOf<F>& v) const;
   // Takes the path under work on from its vertex.
   void scattered(const ScatterResults& r, std::size_t lane, float t);
 };

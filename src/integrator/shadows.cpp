@@ -15,12 +15,19 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
   }
   std::vector<std::uint32_t> leaving;  // shadows that others must answer
   std::vector<Candidate> candidates(map_.part_count());
-  const bool complete = one_part_ ? set.has(1) : false;
+  // Whoever holds everything need not look for parts of others.
+  bool complete = true;
+  for (std::uint32_t part = 1; complete && part < map_.part_count(); ++part) complete = set.has(part);
+  const auto radiance_of = [&](const Shadows::Light& w) -> Fixed3& {
+    return w.path_ended ? out.ended[w.path].radiance : out.continuing[w.path].radiance;
+  };
+  constexpr std::size_t kAhead = 16;  // paths to be fetched into the cache ahead of use
   for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (i + kAhead < rays.size()) __builtin_prefetch(&radiance_of(shadows.lights[i + kAhead]), 1);
     if (blocked[i]) continue;
     const Shadows::Light& w = shadows.lights[i];
     const OcclusionRay& ray = rays[i];
-    if (!complete && map_.part_count() > 1) {
+    if (!complete) {
       const std::size_t n = std::min(map_.candidates(ray.origin, ray.direction, ray.t_max, candidates), candidates.size());
       const auto first = static_cast<std::uint32_t>(out.ask_parts.size());
       for (std::size_t c = 0; c < n; ++c)
@@ -32,7 +39,7 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
         continue;
       }
     }
-    Fixed3& radiance = w.path_ended ? out.ended[w.path].radiance : out.continuing[w.path].radiance;
+    Fixed3& radiance = radiance_of(w);
     for (std::size_t c = 0; c < 3; ++c) radiance[c] += w.contribution[c];
   }
   if (leaving.empty()) return;

@@ -36,6 +36,7 @@ class Material {
 struct MaterialRecord {
   std::unique_ptr<Material> material;  // null: the null material
   std::vector<Lobe> lobes;             // when not textured
+  std::vector<LobeOf<Float8>> lobes8;  // the same in all lanes, if the material has a kind (Shading::kind)
   bool textured = false;
   bool tangents = false;  // depends on the direction of the tangents
   bool has_bump = false;

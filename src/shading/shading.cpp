@@ -87,10 +87,10 @@ class SceneShading final : public Shading {
     Bsdf8 b(FrameOf<Float8>(ns), ng);
     const MaterialRecord& first = records_[materials[0]];
     const bool one = std::all_of(materials.begin(), materials.end(), [&](std::uint32_t m) { return m == materials[0]; });
-    for (std::size_t i = 0; i < first.lobes.size(); ++i) {
-      LobeOf<Float8> lobe = bsdf::in_all_lanes(first.lobes[i]);
-      if (!one)
-        for (std::size_t lane = 1; lane < kLanes; ++lane) bsdf::put(lobe, lane, records_[materials[lane]].lobes[i]);
+    if (one) b.add(std::span<const LobeOf<Float8>>(first.lobes8));
+    for (std::size_t i = 0; !one && i < first.lobes.size(); ++i) {
+      LobeOf<Float8> lobe = first.lobes8[i];
+      for (std::size_t lane = 1; lane < kLanes; ++lane) bsdf::put(lobe, lane, records_[materials[lane]].lobes[i]);
       b.add(lobe);
     }
     b.finish(wo);
@@ -130,6 +130,7 @@ class SceneShading final : public Shading {
         continue;
       const auto same = std::find_if(firsts.begin(), firsts.end(),
                                      [&](const MaterialRecord* f) { return same_kind(r.lobes, f->lobes); });
+      for (const Lobe& lobe : r.lobes) r.lobes8.push_back(bsdf::in_all_lanes(lobe));
       r.kind = same != firsts.end() ? (*same)->kind : kinds_++;
       if (same == firsts.end()) firsts.push_back(&r);
     }

@@ -79,6 +79,10 @@ MaskOf<F> LoadedPart::surely_misses(std::uint32_t quadric, const Vec3Of<F>& orig
   const Vec3Of<F> size = lanes::abs(center) + lanes::abs(origin);
   const F radius = s.radius + 2e-6f * (size.x + size.y + size.z);
   const F length2 = glm::dot(direction, direction);
+  // Most rays pass far aside of a lamp.
+  const Vec3Of<F> across = glm::cross(to_center, direction);
+  const MaskOf<F> far = glm::dot(across, across) > radius * radius * length2;
+  if (!lanes::any(!far)) return far;
   const F nearest = glm::dot(to_center, direction) / length2;
   const Vec3Of<F> off = to_center - nearest * direction;
   const F half_chord2 = radius * radius - glm::dot(off, off);

@@ -72,14 +72,13 @@ void fill(Rays& r, int* valid, const RayPacket& rays, std::uint32_t active, Floa
   put(r.dir_y, rays.direction.y);
   put(r.dir_z, rays.direction.z);
   put(r.tfar, t_far);
-  for (int i = 0; i < 8; ++i) {
-    valid[i] = (active >> i) & 1u ? -1 : 0;
-    r.tnear[i] = 0;
-    r.time[i] = 0;
-    r.mask[i] = 0xffffffffu;
-    r.id[i] = static_cast<unsigned>(i);
-    r.flags[i] = 0;
-  }
+  const auto put_bits = [](void* to, Ints8 x) { _mm256_store_si256(static_cast<__m256i*>(to), reinterpret_cast<__m256i>(x)); };
+  put_bits(valid, mask.v);
+  put_bits(r.tnear, Ints8{});
+  put_bits(r.time, Ints8{});
+  put_bits(r.mask, Ints8{} - 1);
+  put_bits(r.id, Ints8{0, 1, 2, 3, 4, 5, 6, 7});
+  put_bits(r.flags, Ints8{});
 }
 
 }  // namespace
@@ -108,9 +107,9 @@ bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit
 void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::uint32_t active, Coherence coherence,
                              Hit* hits) const {
   const LoadedPart& part = *parts_[part_id];
-  alignas(32) float known[8];
-  for (int i = 0; i < 8; ++i) known[i] = hits[i].t;
-  const Float8 t_far = lanes::min(rays.t_max, reach(Float8::load(known)));
+  // Eight numbers that are put together in memory would have to wait for the last of them to be written.
+  const Float8 known = Float8::of(_mm256_setr_ps(hits[0].t, hits[1].t, hits[2].t, hits[3].t, hits[4].t, hits[5].t, hits[6].t, hits[7].t));
+  const Float8 t_far = lanes::min(rays.t_max, reach(known));
   active = that_may_hit(part, rays, active, t_far);
   if (!active) return;
   QueryContext::Lane lanes[8];
@@ -124,8 +123,8 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
     rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
   rtcIntersect8(valid, part.scene(), &context.embree, &rh);
-  for (int i = 0; i < 8; ++i)
-    if (valid[i] && rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID)
+  for (std::uint32_t left = active; left; left &= left - 1)
+    if (const int i = std::countr_zero(left); rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID)
       take_hit(part, part_id, lanes[i], rh.hit.u[i], rh.hit.v[i], hits[i]);
 }
 
