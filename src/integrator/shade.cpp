@@ -304,6 +304,7 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   shadows.rays.reserve(batch.size());
   shadows.lights.reserve(batch.size());
   out.continuing.reserve(out.continuing.size() + batch.size());
+  out.ended.reserve(out.ended.size() + batch.size());
   Shader shader{*this, *set, out, shadows};
   EightShader eight(shader, batch);
   for (std::size_t i = 0; i < batch.size(); ++i) {

@@ -36,6 +36,16 @@ class EndsByOwner {
     if (last_ >= ends_.size() || ends_[last_].first.value != e.owner) find(e.owner);
     ends_[last_].second.push_back(e);
   }
+  // Mostly all of a batch belong to one owner, and need not be copied one by one.
+  void add(std::vector<PathEnd>&& batch) {
+    const auto other = [&](const PathEnd& e) { return e.owner != batch.front().owner; };
+    if (batch.empty()) return;
+    if (ends_.empty() && std::ranges::none_of(batch, other)) {
+      ends_.emplace_back(HostId(batch.front().owner), std::move(batch));
+    } else {
+      for (const PathEnd& e : batch) add(e);
+    }
+  }
 
  private:
   void find(std::uint16_t owner) {
@@ -326,7 +336,7 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
       r.next.push_back(restarted(out.absent.segments[i]));
   pages.finish();
   EndsByOwner ends(r);
-  for (const PathEnd& e : out.ended) ends.add(e);
+  ends.add(std::move(out.ended));
   if (out.parked.empty()) return r;
   AskSorter sorter(*work.routing, r);
   std::vector<std::uint8_t> asked(out.parked.size());
