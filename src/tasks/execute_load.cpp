@@ -52,12 +52,4 @@ WorkResult execute(PartLoader& loader, Work& work) {
   return r;
 }
 
-bool is_loader_work(const Work& work) {
-  return std::holds_alternative<StartJobWork>(work.what) ||
-         std::holds_alternative<LoadWork>(work.what) ||
-         std::holds_alternative<PageWork>(work.what) ||
-         std::holds_alternative<UnloadWork>(work.what) ||
-         std::holds_alternative<EndJobWork>(work.what);
-}
-
 }  // namespace cloudrenderer

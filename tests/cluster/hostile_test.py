@@ -47,8 +47,7 @@ class Hostile(support.ClusterTest):
     # ---- the cluster ----
 
     def start_cluster(self, seconds):
-        _, report = self.render("probe", self.scene, "--spp", 8, "--resolution", SIZE, "--threads", 2)
-        self.spp = max(64, min(1 << 16, int(8 * seconds / max(report["time"]["render_s"], 0.01))))
+        self.spp = self.spp_for_frame(seconds, self.scene, SIZE, most=1 << 16)
         self.manager = self.start_manager(self.scene, self.out, self.ports[0], "--spp", self.spp, "--resolution", SIZE,
                                           "--min-hosts", 2, "--quiet", "--log-level", "info")
         self.worker = self.join("worker0", self.ports[1])
@@ -229,7 +228,7 @@ class Hostile(support.ClusterTest):
         self.assertEqual([reason for reason in REASONS if reason not in text], [], f"never said, seed {SEED}")
 
     def test_silent_connections_keep_nobody_out(self):
-        self.start_cluster(14)
+        self.start_cluster(16)
         silent = [self.attempt(process) for process, count in ((self.manager, 400), (self.worker, 120))
                   for _ in range(count)]
         half = [self.attempt(self.manager) for _ in range(20)]

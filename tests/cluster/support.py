@@ -142,12 +142,12 @@ class ClusterTest(unittest.TestCase):
         self.assertEqual(result.code, 0, result.output)
         return measure.read_rgb(out), result.report
 
-    def spp_for_frame(self, seconds, scene, size):
+    def spp_for_frame(self, seconds, scene, size, most=4096):
         """A sample count that keeps two processors busy for at least so long. By processor time: what others do on this
         machine does not make the frame too short."""
         few, many = (self.render("probe", scene, "--spp", spp, "--resolution", size, "--threads", 2)[1]["time"]["cpu_s"]
                      for spp in (1, 65))
-        return max(16, min(4096, int(64 * 2 * seconds / max(many - few, 0.01))))
+        return max(16, min(most, int(64 * 2 * seconds / max(many - few, 0.01))))
 
     def split(self, scene=SCENE, part_size="512KiB"):
         folder = self.folder / "split"
