@@ -164,6 +164,16 @@ MadeTexture<T> make_checkerboard_texture(TextureInputs&);
 template <class T>
 MadeTexture<T> make_uv_texture(TextureInputs&);
 template <class T>
+MadeTexture<T> make_dots_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_fbm_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_wrinkled_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_windy_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_marble_texture(TextureInputs&);
+template <class T>
 MadeTexture<T> make_unsupported_texture(TextureInputs&);
 
 }  // namespace cloudrenderer
