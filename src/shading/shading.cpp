@@ -150,4 +150,10 @@ std::unique_ptr<Shading> Shading::build(const SceneDescription& scene, const Opt
   return std::make_unique<SceneShading>(scene, options, warnings);
 }
 
+void Shading::check(const SceneDescription& scene, Warnings& warnings) {
+  const TextureSet textures(scene, 0, warnings, false);
+  MeasuredStore measured;
+  build_materials(scene, textures, measured, warnings);
+}
+
 }  // namespace cloudrenderer

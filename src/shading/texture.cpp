@@ -89,7 +89,7 @@ struct TextureSet::State {
     Built<Rgb> rgb;
     TextureNeeds needs;
   };
-  explicit State(std::uint64_t budget) : images(budget) {}
+  State(std::uint64_t budget, bool read_images) : images(budget, read_images) {}
 
   const Entry* find(std::string_view name, bool is_float) const {
     const auto it = index.find(name);
@@ -104,8 +104,9 @@ struct TextureSet::State {
   std::vector<Entry> entries;
 };
 
-TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings)
-    : state_(std::make_unique<State>(budget)) {
+TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings,
+                       bool read_images)
+    : state_(std::make_unique<State>(budget, read_images)) {
   State& s = *state_;
   const std::size_t n = scene.textures.size();
   s.entries.resize(n);

@@ -60,7 +60,9 @@ using TexturedRgb = Textured<Rgb>;
 // them as alpha masks.
 class TextureSet {
  public:
-  TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings);
+  // Without `read_images` these are only opened, and the textures are not for evaluation.
+  TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings,
+             bool read_images = true);
   ~TextureSet();
   TextureSet(const TextureSet&) = delete;
   TextureSet& operator=(const TextureSet&) = delete;
