@@ -8,6 +8,7 @@
 
 #include "shading/bsdf_lobes.h"
 #include "shading/bsdf_math.h"
+#include "shading_measured_support.h"
 
 namespace cloudrenderer {
 namespace {
@@ -23,6 +24,9 @@ struct Case {
 
 std::vector<Case> cases() {
   const Rgb eta(0.2f, 0.92f, 1.1f), k(3.9f, 2.45f, 2.14f);
+  static const MeasuredReflectance flat = testing::formula(0.6f, 0.f, 1.f),
+                                   satin = testing::formula(0.3f, 0.4f, 20.f),
+                                   shiny = testing::formula(0.1f, 0.5f, 100.f);
   const FresnelTerm plastic_v2 = dielectric_one_sided(1.f / 1.5f),
                     plastic_v3 = dielectric(1.f / 1.5f);
   return {
@@ -65,6 +69,10 @@ std::vector<Case> cases() {
       {"WithSpecular",
        {lambert(Rgb(0.3f)), specular_reflection(Rgb(0.5f), dielectric(1.5f)),
         microfacet(Rgb(0.3f), blinn(0.2f), plastic_v2)}},
+      {"MeasuredFlat", {measured(flat)}},
+      {"MeasuredSatin", {measured(satin)}},
+      {"MeasuredShiny", {measured(shiny)}},
+      {"MeasuredMixed", {lambert(Rgb(0.3f)), measured(satin)}},
   };
 }
 
@@ -112,8 +120,8 @@ TEST_P(Lobes, SamplesFollowTheDensity) {
     std::uniform_real_distribution<float> uniform(0.f, 1.f);
     constexpr int kSamples = 40000;
     std::vector<double> seen(kRows * kColumns, 0.0), expected(kRows * kColumns, 0.0);
-    const bool sharp =
-        std::string(c_.name) == "BlinnSharp" || std::string(c_.name) == "SubstrateV2";
+    const std::string name = c_.name;
+    const bool sharp = name == "BlinnSharp" || name == "SubstrateV2" || name == "MeasuredShiny";
     const int fine = sharp ? 24 : 8;
     for (int r = 0; r < kRows * fine; ++r)
       for (int k = 0; k < kColumns * fine; ++k) {

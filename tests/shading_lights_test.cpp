@@ -201,7 +201,7 @@ TEST(DeltaLights, DistantComesFromFrom) {
 
 TEST(Lights, SayWhatIsLeftOut) {
   Scene scene;
-  scene.light("goniometric", {}).light("projection", {}).light("point", {reals("bogus", {1})});
+  scene.light("laser", {}).light("maser", {}).light("point", {reals("bogus", {1})});
   scene.description.area_lights.push_back(entity("laser", {}));
   EXPECT_FALSE(scene.build()->empty());
   EXPECT_EQ(scene.warnings.list().size(), 4u);

@@ -6,6 +6,8 @@
 
 #include "cli/commands.h"
 #include "cli/size.h"
+#include "shading/lights.h"
+#include "shading/material.h"
 
 namespace cloudrenderer {
 namespace {
@@ -60,6 +62,12 @@ void print_description(const SceneDescription& scene, Warnings& warnings) {
   print_counts("lights", count_types(scene.lights));
 }
 
+// What hosts would find wrong, or not have, when they build materials and lights.
+void check(const SceneDescription& scene, Warnings& warnings) {
+  Shading::check(scene, warnings);
+  Lights::check(scene, warnings);
+}
+
 int info_of_split(const std::string& folder) {
   const Manifest m = open_split(folder);
   Warnings warnings;
@@ -84,6 +92,7 @@ int info_of_split(const std::string& folder) {
     fmt::print("  part {:<5} {:>10} triangles {:>12} {} boxes, {} prototypes\n", i,
                m.parts[i].triangles, format_size(m.parts[i].loaded_bytes), m.parts[i].boxes.size(),
                m.parts[i].prototypes.size());
+  check(m.scene, warnings);
   print_warnings(warnings.list());
   return kDone;
 }
@@ -98,6 +107,7 @@ int info_of_scene(const InfoOptions& options) {
   print_description(scene, warnings);
   fmt::print("{:<12}{}\n", "emissive", sink.emissive);
   print_counts("shapes", sink.shapes);
+  check(scene, warnings);
   fmt::print("{:<12}{} instances of {} objects\n", "instancing", sink.instances, sink.objects);
   fmt::print("{:<12}{}\n", "warnings", warnings.list().size());
   print_warnings(warnings.list());

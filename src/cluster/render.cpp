@@ -16,6 +16,8 @@
 #include "cluster/processes.h"
 #include "cluster/usage.h"
 #include "cluster/worker.h"
+#include "shading/lights.h"
+#include "shading/material.h"
 
 namespace cloudrenderer {
 namespace {
@@ -84,6 +86,8 @@ class RenderRun {
           split_scene(request_.scene, folder_, request_.split, warnings_));
       interrupts_.set_handler(nullptr);
     }
+    Shading::check(manifest_->scene, warnings_);  // here, as hosts warn nobody
+    Lights::check(manifest_->scene, warnings_);
     overrides_ = request_.overrides;
     if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);

@@ -3,6 +3,7 @@
 #include <type_traits>
 
 #include "shading/bsdf_math.h"
+#include "shading/measured.h"
 
 namespace cloudrenderer {
 namespace {
@@ -140,6 +141,8 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
   if constexpr (std::is_same_v<F, float>) {
     const float f = fresnel_dielectric(c, outside ? l.eta.x : l.eta.y);
     switch (l.kind) {
+      case LobeKind::measured:
+        return luminance(l.scale) * l.table->albedo(c);
       case LobeKind::microfacet_dielectric:
       case LobeKind::specular_dielectric:
         return luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
@@ -157,6 +160,8 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
 // A direction from a smooth lobe; `u` is a spare uniform number. False when there is none.
 template <class F>
 MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const Vec2Of<F>& u2, Vec3Of<F>& wi) {
+  if constexpr (std::is_same_v<F, float>)
+    if (l.kind == LobeKind::measured) return l.table->sample(wo, u, u2, wi);
   const F side = lanes::select(wo.z > 0.f, F(1.f), F(-1.f));
   MaskOf<F> diffuse{l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar};
   if (l.kind == LobeKind::fresnel_blend) diffuse = u >= mix;
@@ -281,6 +286,12 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
           float p;
           f += rough_dielectric(l, wo, wi, half, same, reflect, p);
           pdf += chance.weight * p;
+        }
+        break;
+      case LobeKind::measured:
+        if constexpr (std::is_same_v<F, float>) {
+          if (reflect) f += l.scale * l.table->value(wo, wi);
+          pdf += chance.weight * l.table->pdf(wo, wi);
         }
         break;
       default:

@@ -10,12 +10,15 @@
 
 namespace cloudrenderer {
 
+class MeasuredReflectance;
+
 enum class LobeKind : std::uint8_t {
   lambert,  // also for transmission
   oren_nayar,
   microfacet,             // reflection; with `transmits` pbrt-v2's BRDFToBTDF of it
   microfacet_dielectric,  // rough reflection and refraction, chosen by Fresnel
   fresnel_blend,          // Ashikhmin and Shirley 2000: diffuse under a glossy coat
+  measured,               // a table
   specular_reflection,
   specular_transmission,
   specular_dielectric  // reflection and refraction, chosen by Fresnel
@@ -47,6 +50,7 @@ struct LobeOf {
   Vec3Of<F> k;  // conductors
   F alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, or Oren and Nayar's A and B
   F norm;              // of the distribution, precomputed
+  const MeasuredReflectance* table;  // measured; owned by the Shading
 };
 using Lobe = LobeOf<float>;
 

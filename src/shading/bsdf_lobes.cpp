@@ -119,6 +119,12 @@ Lobe fresnel_blend(const Rgb& diffuse, const Rgb& specular, const Microfacets& m
   return l;
 }
 
+Lobe measured(const MeasuredReflectance& table) {
+  Lobe l = make(LobeKind::measured, Rgb(1.f));
+  l.table = &table;
+  return l;
+}
+
 Lobe specular_reflection(const Rgb& scale, const FresnelTerm& f) {
   Lobe l = make(LobeKind::specular_reflection, scale);
   set(l, f);
@@ -171,6 +177,7 @@ LobeOf<Float8> in_all_lanes(const Lobe& l) {
   out.alpha_x = l.alpha_x;
   out.alpha_y = l.alpha_y;
   out.norm = l.norm;
+  out.table = l.table;
   return out;
 }
 void put(LobeOf<Float8>& out, std::size_t lane, const Lobe& l) {

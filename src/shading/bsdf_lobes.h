@@ -37,6 +37,8 @@ Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f,
 Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m,
                            float eta);
 Lobe fresnel_blend(const Rgb& diffuse, const Rgb& specular, const Microfacets& m);
+// A table that outlives the lobe.
+Lobe measured(const MeasuredReflectance& table);
 Lobe specular_reflection(const Rgb& scale, const FresnelTerm& f);
 // eta: inside over outside; 1 lets the ray through unbent.
 Lobe specular_transmission(const Rgb& scale, float eta, bool scale_radiance);

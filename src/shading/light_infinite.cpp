@@ -1,11 +1,9 @@
 #include "shading/light_infinite.h"
 
-#include <OpenImageIO/imageio.h>
-
-#include <array>
 #include <cmath>
 
 #include "base/portable_math.h"
+#include "shading/light_map.h"
 
 namespace cloudrenderer {
 namespace {
@@ -14,16 +12,11 @@ namespace {
 constexpr std::size_t kMaxCells = 4096;
 constexpr double kPiDouble = 3.14159265358979323846;
 
-int wrap(int i, int size) {
-  i %= size;
-  return i < 0 ? i + size : i;
-}
-
 float luminance_of(const Rgb& c) { return std::max(0.f, luminance(c)); }
 
 }  // namespace
 
-InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings) {
+InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool read) {
   constant_ = desc.params.rgb("L", Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
   for (const char* samples : {"nsamples", "samples"}) desc.params.integer(samples, 1);
   if (!is_finite(constant_)) throw SceneError{desc.location, "the light's radiance must be finite"};
@@ -33,47 +26,13 @@ InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings) {
   if (!desc.light_to_world.is_invertible() || !std::isfinite(inverse_volume_))
     throw SceneError{desc.location, "the light's transformation cannot be inverted"};
   mean_ = constant_;
-  if (const std::string path = desc.params.string("mapname", ""); !path.empty())
-    read_map(desc, path, warnings);
+  if (const std::string path = desc.params.string("mapname", ""); !path.empty()) {
+    LightMap map = read_light_map(path, constant_, read, desc.location, "the light is constant", warnings);
+    width_ = map.width;
+    height_ = map.height;
+    texels_ = std::move(map.texels);
+  }
   if (has_map()) prepare_sampling();
-}
-
-void InfiniteLight::read_map(const LightDesc& desc, const std::string& path, Warnings& warnings) {
-  const auto give_up = [&](const std::string& why) {
-    warnings.add(desc.location,
-                 "the map " + path + " cannot be read (" + why + "), the light is constant");
-  };
-  const auto input = OIIO::ImageInput::open(path);
-  if (!input) return give_up(OIIO::geterror());
-  const OIIO::ImageSpec& spec = input->spec();
-  const auto channels = static_cast<std::size_t>(spec.nchannels);
-  if (spec.width < 1 || spec.height < 1 || channels < 1) return give_up("it is empty");
-  const auto count = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
-  std::array<std::size_t, 3> source{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    const int named = spec.channelindex(std::string(1, "RGB"[i]));
-    source[i] = named >= 0 ? static_cast<std::size_t>(named) : channels >= 3 ? i : 0;  // else grey
-  }
-  // Values as they are in the file: pbrt takes 8 bit maps as linear too.
-  std::vector<float> values(count * channels);
-  if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, values.data()))
-    return give_up(input->geterror());
-  width_ = spec.width;
-  height_ = spec.height;
-  texels_.resize(count);
-  std::size_t bad = 0;
-  for (std::size_t p = 0; p < count; ++p) {
-    for (std::size_t i = 0; i < 3; ++i)
-      texels_[p][static_cast<int>(i)] =
-          values[p * channels + source[i]] * constant_[static_cast<int>(i)];
-    if (!is_finite(texels_[p])) {
-      texels_[p] = Rgb(0.f);
-      ++bad;
-    }
-  }
-  if (bad != 0)
-    warnings.add(desc.location,
-                 path + ": " + std::to_string(bad) + " texels are not finite, black is used");
 }
 
 // The table's cells hold the map as it is looked up: a texel spreads over its neighbours by
@@ -138,19 +97,7 @@ InfiniteLight::MapPoint InfiniteLight::map_point(const Vec3& direction) const {
   return m;
 }
 
-Rgb InfiniteLight::lookup(const Vec2& uv) const {
-  const float s = uv.x * static_cast<float>(width_) - 0.5f,
-              t = uv.y * static_cast<float>(height_) - 0.5f;
-  const float s0 = std::floor(s), t0 = std::floor(t), ds = s - s0, dt = t - t0;
-  const int x0 = wrap(static_cast<int>(s0), width_), x1 = x0 + 1 == width_ ? 0 : x0 + 1;
-  const int y0 = wrap(static_cast<int>(t0), height_), y1 = y0 + 1 == height_ ? 0 : y0 + 1;
-  const auto texel = [&](int x, int y) {
-    return texels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
-                   static_cast<std::size_t>(x)];
-  };
-  return (texel(x0, y0) * (1.f - ds) + texel(x1, y0) * ds) * (1.f - dt) +
-         (texel(x0, y1) * (1.f - ds) + texel(x1, y1) * ds) * dt;
-}
+Rgb InfiniteLight::lookup(const Vec2& uv) const { return bilinear(texels_, width_, height_, uv); }
 
 float InfiniteLight::map_pdf(const MapPoint& m) const {
   if (!(m.sine > 1e-7f)) return 0.f;

@@ -13,7 +13,8 @@ namespace cloudrenderer {
 class InfiniteLight {
  public:
   // A map that cannot be read is a warning, and the light is constant, as in pbrt.
-  InfiniteLight(const LightDesc& desc, Warnings& warnings);
+  // Without `read` it is only opened.
+  InfiniteLight(const LightDesc& desc, Warnings& warnings, bool read = true);
 
   const Rgb& mean() const { return mean_; }  // over the sphere
   Rgb radiance(const Vec3& direction) const;
@@ -32,7 +33,6 @@ class InfiniteLight {
     float stretch;  // solid angle in light space over that in the world
   };
   bool has_map() const { return !texels_.empty(); }
-  void read_map(const LightDesc& desc, const std::string& path, Warnings& warnings);
   void prepare_sampling();
   MapPoint map_point(const Vec3& direction) const;
   Rgb lookup(const Vec2& uv) const;

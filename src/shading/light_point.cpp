@@ -1,5 +1,6 @@
 // LightSource "point", "spot" and "distant": lights that only a light sample finds.
 #include "base/portable_math.h"
+#include "shading/light_map.h"
 #include "shading/light_record.h"
 
 namespace cloudrenderer {
@@ -25,6 +26,17 @@ EmitterBounds bounds_at(const Vec3& position, float strength) {
   b.center = position;
   b.strength = strength;
   return b;
+}
+
+// A distorting transformation makes another cone: then nothing is ruled out beforehand.
+void bound_by_cone(const LightDesc& desc, const Vec3& axis, float cosine, EmitterBounds& out) {
+  const glm::mat3 m(desc.light_to_world.matrix());
+  const float x = glm::length(m[0]), y = glm::length(m[1]), z = glm::length(m[2]);
+  if (!(std::max({x, y, z}) < 1.001f * std::min({x, y, z}))) return;
+  out.shape = EmitterShape::cone;
+  out.axis = axis;
+  out.cos_spread = 1;
+  out.cos_emission = std::max(-1.f, cosine - 1e-3f);
 }
 
 template <class F>
@@ -83,15 +95,7 @@ std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone)
 
   out.bounds = bounds_at(e.position, average(e.radiance));
   if (!(out.bounds.strength > 0.f)) return std::nullopt;
-  // A distorting transformation makes another cone: then nothing is ruled out beforehand.
-  const glm::mat3 m(desc.light_to_world.matrix());
-  const float x = glm::length(m[0]), y = glm::length(m[1]), z = glm::length(m[2]);
-  if (std::max({x, y, z}) < 1.001f * std::min({x, y, z})) {
-    out.bounds.shape = EmitterShape::cone;
-    out.bounds.axis = e.axis;
-    out.bounds.cos_spread = 1;
-    out.bounds.cos_emission = std::max(-1.f, cone.cos_total - 1e-3f);
-  }
+  bound_by_cone(desc, e.axis, cone.cos_total, out.bounds);
   return out;
 }
 
@@ -108,6 +112,26 @@ bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSam
   }
   out.radiance = e.radiance * (falloff * inverse_square);
   return falloff > 0.f;
+}
+
+std::optional<EmitterAndBounds> make_mapped(const LightDesc& desc, const DirectionalMap& map) {
+  EmitterAndBounds out;
+  Emitter& e = out.emitter;
+  e.kind = EmitterKind::mapped;
+  e.radiance = scaled(desc, "I");
+  e.position = desc.light_to_world.point(Vec3(0.f));
+  out.bounds = bounds_at(e.position, average(e.radiance * map.largest()));
+  if (!(out.bounds.strength > 0.f)) return std::nullopt;
+  if (const float cosine = map.cos_widest(); cosine > 0.f)
+    bound_by_cone(desc, unit(desc, desc.light_to_world.vector({0, 0, 1})), cosine, out.bounds);
+  return out;
+}
+
+bool sample_mapped(const Emitter& e, const DirectionalMap& map, const Vec3& p, LightSample& out) {
+  float inverse_square;
+  if (!towards<float>(e.position, p, out, inverse_square)) return false;
+  out.radiance = e.radiance * map.factor(-out.wi) * inverse_square;
+  return !is_black(out.radiance);
 }
 
 std::optional<EmitterAndBounds> make_distant(const LightDesc& desc) {

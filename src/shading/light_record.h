@@ -12,6 +12,7 @@ namespace cloudrenderer {
 enum class EmitterKind : std::uint8_t {
   point,
   spot,
+  mapped,  // goniometric, projection
   distant,
   infinite,
   triangle,
@@ -27,7 +28,7 @@ struct Emitter {
   EmitterKind kind = EmitterKind::point;
   bool two_sided = false;
   bool outward = true;      // sphere: the outside emits
-  std::uint32_t index = 0;  // of its spot cone, infinite light or quadric
+  std::uint32_t index = 0;  // of its spot cone, map, infinite light or quadric
   Rgb radiance{0};          // or intensity
   Vec3 position{};          // or centre, or corner
   Vec3 edge0{}, edge1{};    // of triangles and parallelograms

@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "shading/light_infinite.h"
+#include "shading/light_map.h"
 #include "shading/light_record.h"
 #include "shapes/triangle.h"
 
@@ -22,8 +23,8 @@ struct Emission {
 class SceneLights final : public Lights {
  public:
   SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
-              const Part& part, Warnings& warnings) {
-    for (const LightDesc& desc : scene.lights) add_light(desc, warnings);
+              const Part& part, Warnings& warnings, bool read_maps) {
+    for (const LightDesc& desc : scene.lights) add_light(desc, warnings, read_maps);
     add_emissions(scene, shape_lights, warnings);
     add_shapes(part, scene.dialect);
     choice_ = LightChoice(bounds_);
@@ -42,6 +43,7 @@ class SceneLights final : public Lights {
                       by_primitive_.size() * sizeof(std::uint32_t) +
                       emissions_.size() * sizeof(Emission);
     for (const InfiniteLight& light : infinite_) n += light.bytes();
+    for (const DirectionalMap& map : maps_) n += map.bytes();
     return n;
   }
 
@@ -197,6 +199,8 @@ class SceneLights final : public Lights {
           return sample_quadric(e, quadrics_[e.index], p, u, out);
         case EmitterKind::spot:
           return sample_spot(e, spots_[e.index], p, out);
+        case EmitterKind::mapped:
+          return sample_mapped(e, maps_[e.index], p, out);
         case EmitterKind::infinite:
           out.distance = kInfinity;
           out.delta = false;
@@ -244,7 +248,7 @@ class SceneLights final : public Lights {
     return static_cast<std::uint32_t>(emitters_.size() - 1);
   }
 
-  void add_light(const LightDesc& desc, Warnings& warnings) {
+  void add_light(const LightDesc& desc, Warnings& warnings, bool read_maps) {
     std::optional<EmitterAndBounds> made;
     if (desc.type == "point") {
       made = make_point(desc);
@@ -255,10 +259,19 @@ class SceneLights final : public Lights {
         made->emitter.index = static_cast<std::uint32_t>(spots_.size());
         spots_.push_back(cone);
       }
+    } else if (desc.type == "goniometric" || desc.type == "projection") {
+      const auto kind = desc.type == "projection" ? DirectionalMap::Kind::projection
+                                                  : DirectionalMap::Kind::goniometric;
+      DirectionalMap map(kind, desc, read_maps, warnings);
+      made = make_mapped(desc, map);
+      if (made) {
+        made->emitter.index = static_cast<std::uint32_t>(maps_.size());
+        maps_.push_back(std::move(map));
+      }
     } else if (desc.type == "distant") {
       made = make_distant(desc);
     } else if (desc.type == "infinite" || desc.type == "exinfinite") {
-      InfiniteLight light(desc, warnings);
+      InfiniteLight light(desc, warnings, read_maps);
       EmitterAndBounds e;
       e.emitter.kind = EmitterKind::infinite;
       e.emitter.index = static_cast<std::uint32_t>(infinite_.size());
@@ -412,6 +425,7 @@ class SceneLights final : public Lights {
   std::vector<EmitterBounds> bounds_;  // only while building
   LightChoice choice_;
   std::vector<SpotCone> spots_;
+  std::vector<DirectionalMap> maps_;
   std::vector<EmissiveQuadric> quadrics_;
   std::vector<InfiniteLight> infinite_;
   std::vector<std::uint32_t> infinite_emitters_;
@@ -426,7 +440,11 @@ class SceneLights final : public Lights {
 std::unique_ptr<Lights> Lights::build(const SceneDescription& scene,
                                       std::span<const AreaLightId> shape_lights,
                                       const Part& main_part, const Bounds3&, Warnings& warnings) {
-  return std::make_unique<SceneLights>(scene, shape_lights, main_part, warnings);
+  return std::make_unique<SceneLights>(scene, shape_lights, main_part, warnings, true);
+}
+
+void Lights::check(const SceneDescription& scene, Warnings& warnings) {
+  SceneLights(scene, {}, Part{}, warnings, false);
 }
 
 }  // namespace cloudrenderer

@@ -23,7 +23,7 @@ constexpr std::array kKinds{
     MaterialKind{"disney", make_disney},
     MaterialKind{"kdsubsurface", make_kdsubsurface},
     MaterialKind{"subsurface", make_grey},
-    MaterialKind{"measured", make_grey},
+    MaterialKind{"measured", make_measured},
     MaterialKind{"fourier", make_grey},
     MaterialKind{"hair", make_grey},
 };
@@ -91,7 +91,8 @@ bsdf::Microfacets Roughness::operator()(const TexturePoint& at) const {
 }
 
 std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
-                                            const TextureSet& textures, Warnings& warnings) {
+                                            const TextureSet& textures, MeasuredStore& measured,
+                                            Warnings& warnings) {
   std::vector<MaterialRecord> out;
   out.reserve(scene.materials.size());
   for (const MaterialDesc& desc : scene.materials) {
@@ -101,7 +102,7 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
       continue;
     }
     TexturedParams params(desc.params, textures, scene.dialect, desc.location, warnings);
-    MaterialInputs in{params, out, false, 1, nullptr};
+    MaterialInputs in{params, out, measured, false, 1, nullptr};
     const MaterialKind* kind = find_kind(desc.type);
     if (!kind) {
       std::string names;

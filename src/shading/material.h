@@ -32,6 +32,8 @@ class Shading {
   // matte (materials) or their constant default (textures).
   static std::unique_ptr<Shading> build(const SceneDescription& scene, const Options& options,
                                         Warnings& warnings);
+  // Throws and warns as build() does, without reading images.
+  static void check(const SceneDescription& scene, Warnings& warnings);
   virtual ~Shading() = default;
 
   // What the scene needs, so that others can leave it out.

@@ -24,6 +24,8 @@ class LobeSink {
   bool scaled_;
 };
 
+class MeasuredStore;
+
 // A material whose lobes depend on the point. One without textures is asked once, when the scene is
 // built.
 class Material {
@@ -49,6 +51,7 @@ struct MaterialRecord {
 struct MaterialInputs {
   TexturedParams& params;
   std::span<const MaterialRecord> earlier;  // the materials before this one
+  MeasuredStore& measured;
   bool tangents = false;                    // set by the maker
   int depth = 1;                            // set by the maker of mixes
   const MaterialRecord* base = nullptr;     // whose bump map counts, set by the maker of mixes
@@ -68,6 +71,7 @@ std::unique_ptr<Material> make_glass(MaterialInputs&);
 std::unique_ptr<Material> make_uber(MaterialInputs&);
 std::unique_ptr<Material> make_substrate(MaterialInputs&);
 std::unique_ptr<Material> make_translucent(MaterialInputs&);
+std::unique_ptr<Material> make_measured(MaterialInputs&);
 std::unique_ptr<Material> make_mix(MaterialInputs&);
 std::unique_ptr<Material> make_disney(MaterialInputs&);        // approximated
 std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);  // approximated
@@ -100,6 +104,7 @@ class Roughness {
 
 // Builds all materials. Throws SceneError for what makes no picture.
 std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
-                                            const TextureSet& textures, Warnings& warnings);
+                                            const TextureSet& textures, MeasuredStore& measured,
+                                            Warnings& warnings);
 
 }  // namespace cloudrenderer

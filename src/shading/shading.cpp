@@ -2,6 +2,7 @@
 
 #include "shading/material.h"
 #include "shading/material_kinds.h"
+#include "shading/measured.h"
 
 namespace cloudrenderer {
 namespace {
@@ -55,7 +56,7 @@ class SceneShading final : public Shading {
  public:
   SceneShading(const SceneDescription& scene, const Options& options, Warnings& warnings)
       : textures_(scene, options.texture_budget, warnings),
-        records_(build_materials(scene, textures_, warnings)),
+        records_(build_materials(scene, textures_, measured_, warnings)),
         bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f) {
     for (const MaterialRecord& r : records_) needs_ |= r.needs;
     number_kinds();
@@ -63,7 +64,7 @@ class SceneShading final : public Shading {
 
   bool needs_footprint() const override { return needs_.footprint; }
   bool needs_uv() const override { return needs_.uv; }
-  std::uint64_t bytes() const override { return textures_.bytes(); }
+  std::uint64_t bytes() const override { return textures_.bytes() + measured_.bytes(); }
   bool is_null(std::uint32_t material) const override {
     return material < records_.size() && !records_[material].material;
   }
@@ -136,7 +137,8 @@ class SceneShading final : public Shading {
     }
   }
 
-  TextureSet textures_;  // before the records, whose materials point to textures
+  TextureSet textures_;  // these before the records, whose materials point to them
+  MeasuredStore measured_;
   std::vector<MaterialRecord> records_;
   TextureNeeds needs_;
   float bump_step_;
@@ -147,6 +149,12 @@ class SceneShading final : public Shading {
 std::unique_ptr<Shading> Shading::build(const SceneDescription& scene, const Options& options,
                                         Warnings& warnings) {
   return std::make_unique<SceneShading>(scene, options, warnings);
+}
+
+void Shading::check(const SceneDescription& scene, Warnings& warnings) {
+  const TextureSet textures(scene, 0, warnings, false);
+  MeasuredStore measured;
+  build_materials(scene, textures, measured, warnings);
 }
 
 }  // namespace cloudrenderer

@@ -16,11 +16,11 @@ constexpr std::array kKinds{
     TextureKind{"imagemap", make_imagemap_texture<float>, make_imagemap_texture<Rgb>},
     TextureKind{"checkerboard", make_checkerboard_texture<float>, make_checkerboard_texture<Rgb>},
     TextureKind{"uv", make_uv_texture<float>, make_uv_texture<Rgb>},
-    TextureKind{"dots", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
-    TextureKind{"fbm", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
-    TextureKind{"wrinkled", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
-    TextureKind{"windy", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
-    TextureKind{"marble", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
+    TextureKind{"dots", make_dots_texture<float>, make_dots_texture<Rgb>},
+    TextureKind{"fbm", make_fbm_texture<float>, make_fbm_texture<Rgb>},
+    TextureKind{"wrinkled", make_wrinkled_texture<float>, make_wrinkled_texture<Rgb>},
+    TextureKind{"windy", make_windy_texture<float>, make_windy_texture<Rgb>},
+    TextureKind{"marble", make_marble_texture<float>, make_marble_texture<Rgb>},
     TextureKind{"ptex", make_unsupported_texture<float>, make_unsupported_texture<Rgb>},
 };
 
@@ -89,7 +89,7 @@ struct TextureSet::State {
     Built<Rgb> rgb;
     TextureNeeds needs;
   };
-  explicit State(std::uint64_t budget) : images(budget) {}
+  State(std::uint64_t budget, bool read_images) : images(budget, read_images) {}
 
   const Entry* find(std::string_view name, bool is_float) const {
     const auto it = index.find(name);
@@ -104,8 +104,9 @@ struct TextureSet::State {
   std::vector<Entry> entries;
 };
 
-TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings)
-    : state_(std::make_unique<State>(budget)) {
+TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings,
+                       bool read_images)
+    : state_(std::make_unique<State>(budget, read_images)) {
   State& s = *state_;
   const std::size_t n = scene.textures.size();
   s.entries.resize(n);
@@ -130,7 +131,7 @@ TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warn
         names += (names.empty() ? "" : ", ") + std::string(k.name);
       warnings.add(desc.location, "unknown texture \"" + desc.type + "\", expected one of " +
                                       names + "; using 0.5");
-      kind = find_kind("dots");
+      kind = find_kind("ptex");
     }
     TexturedParams params(desc.params, *this, scene.dialect, desc.location, warnings);
     TextureInputs inputs{params, desc.texture_to_world, s.images};

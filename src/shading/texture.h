@@ -60,7 +60,9 @@ using TexturedRgb = Textured<Rgb>;
 // them as alpha masks.
 class TextureSet {
  public:
-  TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings);
+  // Without `read_images` these are only opened, and the textures are not for evaluation.
+  TextureSet(const SceneDescription& scene, std::uint64_t budget, Warnings& warnings,
+             bool read_images = true);
   ~TextureSet();
   TextureSet(const TextureSet&) = delete;
   TextureSet& operator=(const TextureSet&) = delete;
@@ -163,6 +165,16 @@ template <class T>
 MadeTexture<T> make_checkerboard_texture(TextureInputs&);
 template <class T>
 MadeTexture<T> make_uv_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_dots_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_fbm_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_wrinkled_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_windy_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_marble_texture(TextureInputs&);
 template <class T>
 MadeTexture<T> make_unsupported_texture(TextureInputs&);
 

@@ -55,15 +55,15 @@ class Checkerboard2D final : public Texture<T> {
 template <class T>
 class Checkerboard3D final : public Texture<T> {
  public:
-  Checkerboard3D(const Transform& to_cells, const Textured<T>& even, const Textured<T>& odd)
-      : to_cells_(to_cells), even_(even), odd_(odd) {}
+  Checkerboard3D(const SolidMapping& mapping, const Textured<T>& even, const Textured<T>& odd)
+      : mapping_(mapping), even_(even), odd_(odd) {}
   T eval(const TexturePoint& at) const override {
-    const Vec3 low = glm::floor(to_cells_.point(at.p));
+    const Vec3 low = glm::floor(mapping_(at).p);
     return is_even(low.x + low.y + low.z) ? even_(at) : odd_(at);
   }
 
  private:
-  Transform to_cells_;
+  SolidMapping mapping_;
   Textured<T> even_, odd_;
 };
 
@@ -73,9 +73,7 @@ template <class T>
 MadeTexture<T> make_checkerboard_texture(TextureInputs& in) {
   const Textured<T> even = in.params.value<T>("tex1", 1.f), odd = in.params.value<T>("tex2", 0.f);
   const int dimension = in.params.params().integer("dimension", 2);
-  // pbrt-v2 and v3 apply the texture's own transform to world points here, not its inverse; the
-  // pictures depend on it.
-  if (dimension == 3) return std::make_unique<Checkerboard3D<T>>(in.texture_to_world, even, odd);
+  if (dimension == 3) return std::make_unique<Checkerboard3D<T>>(SolidMapping(in), even, odd);
   if (dimension != 2)
     throw SceneError(in.params.location(), "checkerboard dimension must be 2 or 3");
   const std::string mode = in.params.params().string("aamode", "closedform");

@@ -73,7 +73,8 @@ class ImagePyramid {
 // All images of a scene, each read once. Not thread-safe while images are added.
 class ImageStore {
  public:
-  explicit ImageStore(std::uint64_t budget) : budget_(budget) {}
+  // Without `read` files are only opened: what get() returns must not be looked up then.
+  explicit ImageStore(std::uint64_t budget, bool read = true) : budget_(budget), read_(read) {}
   // Throws SceneError when the file cannot be read.
   const ImagePyramid* get(const std::string& path, const ImageEncoding& encoding,
                           const FileLocation& where);
@@ -81,6 +82,7 @@ class ImageStore {
 
  private:
   std::uint64_t budget_, resident_ = 0;
+  bool read_;
   std::map<std::pair<std::string, ImageEncoding>, std::unique_ptr<ImagePyramid>> images_;
 };
 

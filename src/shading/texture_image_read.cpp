@@ -20,20 +20,26 @@ struct Pixels {
   }
 };
 
-Pixels read_pixels(const std::string& path, const FileLocation& where) {
+std::unique_ptr<OIIO::ImageInput> open_image(const std::string& path, const FileLocation& where) {
   OIIO::ImageSpec config;
   config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: pbrt ignores alpha
-  const auto file = OIIO::ImageInput::open(path, &config);
+  std::unique_ptr<OIIO::ImageInput> file = OIIO::ImageInput::open(path, &config);
   if (!file)
     throw SceneError(where, "cannot read texture image \"" + path + "\": " + OIIO::geterror());
+  const OIIO::ImageSpec& spec = file->spec();
+  if (spec.width <= 0 || spec.height <= 0 || spec.depth > 1)
+    throw SceneError(where, "texture image \"" + path + "\" is not a 2D image");
+  return file;
+}
+
+Pixels read_pixels(const std::string& path, const FileLocation& where) {
+  const auto file = open_image(path, where);
   const OIIO::ImageSpec& spec = file->spec();
   Pixels p;
   p.width = spec.width;
   p.height = spec.height;
   p.channels = spec.nchannels >= 3 ? 3 : 1;
   p.bytes = spec.format == OIIO::TypeDesc::UINT8;
-  if (p.width <= 0 || p.height <= 0 || spec.depth > 1)
-    throw SceneError(where, "texture image \"" + path + "\" is not a 2D image");
   const std::size_t count = p.row() * static_cast<std::size_t>(p.height);
   bool read = false;
   if (p.bytes) {
@@ -152,6 +158,11 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
                                     const FileLocation& where) {
   auto& slot = images_[{path, encoding}];
   if (slot) return slot.get();
+  if (!read_) {
+    open_image(path, where);
+    slot = std::make_unique<ImagePyramid>();
+    return slot.get();
+  }
   Pixels p = read_pixels(path, where);
   if (encoding.luminance) to_luminance(p);
   if (encoding.flip) p.bytes ? flip_rows(p.byte, p.row()) : flip_rows(p.real, p.row());

@@ -24,4 +24,22 @@ class TextureMapping {
   Transform world_to_texture_;
 };
 
+// A place in the space of solid textures with its pixel footprint.
+struct SolidCoordinates {
+  Vec3 p{}, dpdx{}, dpdy{};
+};
+
+// The mapping of solid textures. pbrt-v2 and v3 apply the texture's own transform to world points
+// here, not its inverse; the pictures depend on it.
+class SolidMapping {
+ public:
+  explicit SolidMapping(const TextureInputs& inputs) : transform_(inputs.texture_to_world) {}
+  SolidCoordinates operator()(const TexturePoint& at) const {
+    return {transform_.point(at.p), transform_.vector(at.dpdx), transform_.vector(at.dpdy)};
+  }
+
+ private:
+  Transform transform_;
+};
+
 }  // namespace cloudrenderer

@@ -1,14 +1,13 @@
-// Kinds that are known and not made yet (noise and dots): a constant in their place.
+// Kinds that are known and not made (ptex): a constant in their place.
 #include "shading/texture.h"
 
 namespace cloudrenderer {
 
 template <class T>
 MadeTexture<T> make_unsupported_texture(TextureInputs& in) {
-  in.params.warn(
-      "this kind of texture is not supported; using its constant \"inside\" value, or 0.5");
+  in.params.warn("this kind of texture is not supported; using 0.5");
   for (const Param& p : in.params.params().all()) p.used = true;  // one warning is enough
-  return in.params.value<T>("inside", 0.5f).constant;
+  return T(0.5f);
 }
 
 template MadeTexture<float> make_unsupported_texture<float>(TextureInputs&);

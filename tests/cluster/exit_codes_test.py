@@ -53,6 +53,26 @@ class ExitCodes(support.ClusterTest):
         path = self.broken('LookAt 0 0 1\nWorldBegin\nWorldEnd\n')
         self.expect(3, "render", path, *TINY, words=r"broken\.pbrt:\d+:\d+: error: ")
 
+    def test_3_for_materials_that_make_no_picture(self):
+        """Found before any host is asked, in a scene and in its split."""
+        for material in ('Material "measured"', 'Material "measured" "string filename" "nowhere.brdf"',
+                         'Texture "t" "color" "imagemap" Material "matte" "texture Kd" "t"'):
+            path = self.broken(f'WorldBegin\n{material}\nShape "sphere"\nWorldEnd\n')
+            self.expect(3, "render", path, *TINY, words=r"broken\.pbrt:2:\d+: error: .*(filename|nowhere)")
+            self.expect(3, "info", path, words=r"broken\.pbrt:2:\d+: error: ")
+            split = self.folder / "split"
+            self.expect(0, "split", path, "-o", split)
+            self.expect(3, "render", split, *TINY, words=r"broken\.pbrt:2:\d+: error: .*(filename|nowhere)")
+            shutil.rmtree(split)
+
+    def test_what_is_not_supported_is_told(self):
+        path = self.broken('WorldBegin\nLightSource "infinite" "string mapname" "nowhere.exr"\nMaterial "hair"\n'
+                           'Shape "sphere"\nLightSource "laser"\nWorldEnd\n')
+        for command in (("info", path), ("render", path, "-o", self.folder / "a.exr", *TINY)):
+            output = self.expect(0, *command).output
+            for words in (r"material is not supported", r'light "laser" is not supported', r"the map .*nowhere\.exr"):
+                self.assertRegex(output, words)
+
     def test_3_for_a_scene_that_is_not_there(self):
         self.expect(3, "render", self.folder / "nowhere.pbrt", *TINY, words=r"nowhere\.pbrt")
         path = self.broken('WorldBegin\nInclude "nowhere.pbrt"\nWorldEnd\n')

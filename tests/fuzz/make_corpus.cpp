@@ -286,6 +286,8 @@ void add_text(Corpus& corpus) {
   corpus.add("address", "name", "host.example:4000");
   corpus.add("address", "v6", "[fe80::1]:65535");
   corpus.add("address", "v4", "127.0.0.1:0");
+  corpus.add("measured", "two", "# wavelengths\n2\n400 700\n0.5 0 0.5 3.14 0.1 0.2\n1 0 0 0 1 2\n");
+  corpus.add("measured", "odd", "1 500 9e8 -1 1e-30 nan -5\n 0 0 0 0 -5 7 0 7 0 1\n");
   corpus.add("spd", "lines", "# lambda value\n400 0.5\n550.5,1\n700 1e-3 # end\n");
   corpus.add("spd", "odd", "700 1\n400 -1\n400 nan\n");
 }

@@ -1,0 +1,100 @@
+#include "shading/light_map.h"
+
+#include <OpenImageIO/imageio.h>
+
+#include <array>
+#include <cmath>
+
+#include "base/portable_math.h"
+
+namespace cloudrenderer {
+
+LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
+                        const FileLocation& where, const char* instead, Warnings& warnings) {
+  LightMap map;
+  const auto give_up = [&](const std::string& why) {
+    warnings.add(where, "the map " + path + " cannot be read (" + why + "), " + instead);
+    return LightMap{};
+  };
+  const auto input = OIIO::ImageInput::open(path);
+  if (!input) return give_up(OIIO::geterror());
+  const OIIO::ImageSpec& spec = input->spec();
+  const auto channels = static_cast<std::size_t>(spec.nchannels);
+  if (spec.width < 1 || spec.height < 1 || channels < 1) return give_up("it is empty");
+  if (!read) return map;
+  const auto count = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
+  std::array<std::size_t, 3> source{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const int named = spec.channelindex(std::string(1, "RGB"[i]));
+    source[i] = named >= 0 ? static_cast<std::size_t>(named) : channels >= 3 ? i : 0;  // else grey
+  }
+  std::vector<float> values(count * channels);
+  if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, values.data()))
+    return give_up(input->geterror());
+  map.width = spec.width;
+  map.height = spec.height;
+  map.texels.resize(count);
+  std::size_t bad = 0;
+  for (std::size_t p = 0; p < count; ++p) {
+    for (std::size_t i = 0; i < 3; ++i)
+      map.texels[p][static_cast<int>(i)] =
+          values[p * channels + source[i]] * scale[static_cast<int>(i)];
+    if (!is_finite(map.texels[p])) {
+      map.texels[p] = Rgb(0.f);
+      ++bad;
+    }
+  }
+  if (bad != 0)
+    warnings.add(where,
+                 path + ": " + std::to_string(bad) + " texels are not finite, black is used");
+  return map;
+}
+
+DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warnings& warnings)
+    : kind_(kind), world_to_light_(glm::mat3(desc.light_to_world.inverse_matrix())) {
+  if (!desc.light_to_world.is_invertible())
+    throw SceneError{desc.location, "the light's transformation cannot be inverted"};
+  if (const std::string path = desc.params.string("mapname", ""); !path.empty())
+    map_ = read_light_map(path, Rgb(1.f), read, desc.location, "the light is even", warnings);
+  if (!map_.empty()) {
+    largest_ = Rgb(0.f);
+    for (Rgb& texel : map_.texels) {
+      texel = glm::max(texel, Rgb(0.f));
+      largest_ = glm::max(largest_, texel);
+    }
+  }
+  if (kind != Kind::projection) return;
+  const float fov = desc.params.real("fov", 45.f);
+  if (!(fov > 0.f && fov < 180.f))
+    throw SceneError{desc.location, "fov must be above 0 and below 180 degrees"};
+  tangent_ = portable::tan(0.5f * fov * (kPi / 180));
+  if (map_.empty()) return;
+  const float aspect = static_cast<float>(map_.width) / static_cast<float>(map_.height);
+  screen_ = aspect > 1.f ? Vec2(aspect, 1.f) : Vec2(1.f, 1.f / aspect);
+}
+
+Rgb DirectionalMap::factor(const Vec3& world_direction) const {
+  const Vec3 d = world_to_light_ * world_direction;
+  if (kind_ == Kind::goniometric) {
+    if (map_.empty()) return Rgb(1.f);
+    // y is up, and the azimuth runs from x to z.
+    float azimuth = portable::atan2(d.z, d.x);
+    if (azimuth < 0.f) azimuth += 2 * kPi;
+    const float polar = portable::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y);
+    return bilinear(map_.texels, map_.width, map_.height,
+                    {azimuth * 0.5f * kInvPi, polar * kInvPi});
+  }
+  constexpr float kNear = 1e-3f;  // pbrt's: nothing behind the light, or nearly beside it
+  if (!(d.z >= kNear)) return Rgb(0.f);
+  const Vec2 at = Vec2(d) / (d.z * tangent_);
+  if (!(std::fabs(at.x) <= screen_.x && std::fabs(at.y) <= screen_.y)) return Rgb(0.f);
+  if (map_.empty()) return Rgb(1.f);
+  return bilinear(map_.texels, map_.width, map_.height, (at + screen_) / (2.f * screen_));
+}
+
+float DirectionalMap::cos_widest() const {
+  if (kind_ == Kind::goniometric) return -1.f;
+  return 1.f / std::sqrt(1.f + tangent_ * tangent_ * glm::dot(screen_, screen_));
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,71 @@
+#pragma once
+// Pictures that lights shine through or have their radiance from. Private to the lights.
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/log.h"
+#include "scene/description.h"
+#include "shading/light_record.h"
+
+namespace cloudrenderer {
+
+struct LightMap {
+  int width = 0, height = 0;
+  std::vector<Rgb> texels;
+  bool empty() const { return texels.empty(); }
+};
+
+// Values as they are in the file, times `scale`: pbrt takes 8 bit maps as linear too. Without
+// `read` the file is only opened. Empty, with a warning, when it cannot be read; the warning ends
+// with `instead`.
+LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
+                        const FileLocation& where, const char* instead, Warnings& warnings);
+
+// Bilinear and repeating, as pbrt's level 0; the first row is at v = 0.
+inline Rgb bilinear(std::span<const Rgb> texels, int width, int height, const Vec2& uv) {
+  const auto wrap = [](int i, int size) {
+    i %= size;
+    return i < 0 ? i + size : i;
+  };
+  const float s = uv.x * static_cast<float>(width) - 0.5f,
+              t = uv.y * static_cast<float>(height) - 0.5f;
+  const float s0 = std::floor(s), t0 = std::floor(t), ds = s - s0, dt = t - t0;
+  const int x0 = wrap(static_cast<int>(s0), width), x1 = x0 + 1 == width ? 0 : x0 + 1;
+  const int y0 = wrap(static_cast<int>(t0), height), y1 = y0 + 1 == height ? 0 : y0 + 1;
+  const auto texel = [&](int x, int y) {
+    return texels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                  static_cast<std::size_t>(x)];
+  };
+  return (texel(x0, y0) * (1.f - ds) + texel(x1, y0) * ds) * (1.f - dt) +
+         (texel(x0, y1) * (1.f - ds) + texel(x1, y1) * ds) * dt;
+}
+
+// What a point light's intensity is multiplied with, by direction.
+class DirectionalMap {
+ public:
+  // LightSource "goniometric": the intensity as measured, over the whole sphere. "projection": a
+  // picture thrown on a rectangle in front of the light.
+  enum class Kind { goniometric, projection };
+  DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warnings& warnings);
+
+  Rgb factor(const Vec3& world_direction) const;
+  const Rgb& largest() const { return largest_; }  // of each channel
+  // The smallest cosine to the light's z axis that has light, in the light's space.
+  float cos_widest() const;
+  std::uint64_t bytes() const { return map_.texels.size() * sizeof(Rgb); }
+
+ private:
+  Kind kind_;
+  LightMap map_;  // empty: 1 everywhere
+  glm::mat3 world_to_light_{1.f};
+  Vec2 screen_{1.f};   // projection: half sizes of the rectangle
+  float tangent_ = 1;  // projection: of half the angle that the shorter side spans
+  Rgb largest_{1.f};
+};
+
+// Both kinds. Nothing for a light that gives no light.
+std::optional<EmitterAndBounds> make_mapped(const LightDesc& desc, const DirectionalMap& map);
+bool sample_mapped(const Emitter& e, const DirectionalMap& map, const Vec3& p, LightSample& out);
+
+}  // namespace cloudrenderer

@@ -1,0 +1,26 @@
+#pragma once
+// Gradient noise on a lattice of integers (Perlin, "Improving noise", SIGGRAPH 2002) and the sums
+// of its octaves. Made of IEEE operations only: the same bits on every host.
+#include "shading/texture_mapping.h"
+
+namespace cloudrenderer {
+
+// About -1 to 1, 0 at the lattice points and for what is no number, repeats every 256 units.
+float noise(const Vec3& p);
+
+// Octaves, each 1.99 times the frequency of the one before and `roughness` times its weight. Those
+// that vary more than once in two pixels of the footprint are left out, the last is faded in.
+struct Octaves {
+  float roughness = 0.5f;
+  int count = 8;
+};
+float fbm(const SolidCoordinates& at, const Octaves& octaves);
+
+// Sums of absolute values. Octaves that are left out count with their mean, 0.2: in pbrt-v2 without
+// their weights, in pbrt-v3 with them and also where the octave fades in.
+float turbulence(const SolidCoordinates& at, const Octaves& octaves, Dialect dialect);
+
+// The parameters "octaves" and "roughness". Notes that the texture is filtered.
+Octaves read_octaves(TextureInputs& in);
+
+}  // namespace cloudrenderer
