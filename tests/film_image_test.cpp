@@ -116,6 +116,32 @@ TEST(ImageFile, PngIsSrgb) {
   EXPECT_NEAR(back.pixels[2].x, 0.2158605f, 1e-5f) << "read as linear";
 }
 
+TEST(ImageFile, TgaIsSrgbToo) {
+  const Folder folder;
+  const Image image{2, 2, {Rgb(0.f), Rgb(1.f), Rgb(0.2158605f, 0.f, 1.f), Rgb(0.f, 9.f, 0.f)}};
+  write_image(folder / "a.tga", image, full(image), {});
+  const Image back = read_image(folder / "a.tga");
+  ASSERT_EQ(back.pixels.size(), 4u);
+  EXPECT_NEAR(back.pixels[2].x, 0.2158605f, 1e-5f);
+  EXPECT_EQ(back.pixels[2].z, 1.f);
+  EXPECT_EQ(back.pixels[3], Rgb(0.f, 1.f, 0.f));
+}
+
+TEST(ImageFile, PfmKeepsEveryBitFromTheBottomUp) {
+  const Folder folder;
+  const Image image = noise(5, 3);
+  write_image(folder / "a.pfm", image, full(image), {});
+  std::ifstream in(folder / "a.pfm", std::ios::binary);
+  const std::string bytes(std::istreambuf_iterator<char>(in), {});
+  const std::string header = "PF\n5 3\n-1\n";
+  ASSERT_EQ(bytes.size(), header.size() + 5 * 3 * sizeof(Rgb));
+  EXPECT_EQ(bytes.substr(0, header.size()), header);
+  EXPECT_EQ(std::memcmp(bytes.data() + header.size(), &image.pixels[10], 5 * sizeof(Rgb)), 0);
+  const Image back = read_image(folder / "a.pfm");
+  ASSERT_EQ(back.pixels.size(), image.pixels.size());
+  EXPECT_EQ(std::memcmp(back.pixels.data(), image.pixels.data(), 15 * sizeof(Rgb)), 0);
+}
+
 TEST(ImageFile, ReplacesAnOldFile) {
   const Folder folder;
   std::ofstream(folder / "a.exr") << "something else";
@@ -131,7 +157,7 @@ TEST(ImageFile, SaysWhyItCannotBeWritten) {
     return error_of([&] { write_image(path, image, full(image), {}); });
   };
   EXPECT_NE(write(folder / "no/such/a.exr").find("No such file or directory"), std::string::npos);
-  EXPECT_NE(write(folder / "a.tga").find(".exr or .png"), std::string::npos);
+  EXPECT_NE(write(folder / "a.jpg").find(".exr, .pfm, .png or .tga"), std::string::npos);
   fs::create_directory(folder / "d.exr");
   EXPECT_NE(write(folder / "d.exr").find("Is a directory"), std::string::npos);
   EXPECT_EQ(folder.files(), 1u) << "no temporary file stays";

@@ -71,7 +71,7 @@ void read_split(const Texts& t, SplitOptions& o) {
 void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrator) {
   app.add_option("scene", o.request.scene, "a .pbrt file or a folder made by split")->required();
   app.add_option("-o,--output", o.output,
-                 "picture to write, .exr or .png (default: as the scene says, here)");
+                 "picture to write, .exr, .pfm, .png or .tga (default: as the scene says, here)");
   app.add_option("--replication", t.replication, "hosts that hold each part at least");
   app.add_option("--spp", t.spp, "samples per pixel");
   app.add_option("--max-depth", t.max_depth, "maxdepth of the integrator");

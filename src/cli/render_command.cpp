@@ -15,14 +15,10 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string output_path(const RenderOptions& o, const FilmOptions& film) {
-  std::string path = o.output;
-  if (path.empty())
-    path = fs::path(film.filename.empty() ? "image.exr" : film.filename).filename().string();
-  const std::string extension = fs::path(path).extension().string();
-  if (extension == ".exr" || extension == ".png") return path;
-  // Scenes from old times name .tga or .pfm; what was asked for by hand must be what is written.
-  if (!o.output.empty()) throw UsageError("'" + path + "' must end in .exr or .png");
-  return fs::path(path).replace_extension(".exr").string();
+  if (o.output.empty())
+    return fs::path(film.filename.empty() ? "image.exr" : film.filename).filename().string();
+  if (!is_image_name(o.output)) throw UsageError("'" + o.output + "' must end in " + image_extensions());
+  return o.output;
 }
 
 // Found out before hours of rendering, not behind them.

@@ -100,11 +100,13 @@ class Film {
   std::vector<PixelSums> sums_;
 };
 
-// Writes .exr (32 bit float; data and display window from the frame) or .png (sRGB, 8 bit), by file
-// name; `metadata` goes into the EXR header. Writes to a temporary name and renames. Throws
-// std::runtime_error with the reason.
+// Writes .exr (32 bit float; data and display window from the frame), .pfm (the same floats without a
+// header's words), .png or .tga (sRGB, 8 bit), by file name; `metadata` goes into the EXR header.
+// Writes to a temporary name and renames. Throws std::runtime_error with the reason.
 void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
                  const std::map<std::string, std::string>& metadata);
+bool is_image_name(const std::string& path);  // ends as write_image wants it
+std::string image_extensions();               // ".exr, ... or .tga": for messages
 // Reads R, G, B of an image file as linear floats. Throws std::runtime_error.
 Image read_image(const std::string& path);
 

@@ -57,11 +57,10 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
   crop(f.height, window[2], window[3], f.y0, f.y1);
 
   out.filename = params.string("filename", "pbrt.exr");
-  const std::filesystem::path name(out.filename);
-  if (name.extension() != ".exr" && name.extension() != ".png") {
-    out.filename = std::filesystem::path(name).replace_extension(".exr").string();
-    warnings.add(film.location,
-                 "pictures are written as .exr or .png: the file name becomes " + out.filename);
+  if (!is_image_name(out.filename)) {
+    out.filename = std::filesystem::path(out.filename).replace_extension(".exr").string();
+    warnings.add(film.location, "pictures are written as " + image_extensions() +
+                                    ": the file name becomes " + out.filename);
   }
   if (v3) {
     out.scale = params.real("scale", 1.f);

@@ -4,12 +4,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <bit>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 
 #include "base/portable_math.h"
@@ -17,6 +20,8 @@
 
 namespace cloudrenderer {
 namespace {
+
+constexpr auto kExtensions = std::to_array<std::string_view>({".exr", ".pfm", ".png", ".tga"});
 
 [[noreturn]] void fail(const std::string& what, const std::string& path, const std::string& why) {
   throw std::runtime_error("cannot " + what + " " + path + ": " + why);
@@ -44,6 +49,19 @@ std::vector<unsigned char> encode(const std::string& path, const OIIO::ImageSpec
   if (!output->open(path, spec) || !output->write_image(type, pixels) || !output->close())
     fail("write", path, output->geterror());
   return memory.buffer();
+}
+
+// Portable float map: rows from the bottom up, the scale's sign names the byte order. OpenImageIO 2.4 does not write it.
+std::vector<unsigned char> pfm(const Image& image) {
+  static_assert(std::endian::native == std::endian::little && sizeof(Rgb) == 3 * sizeof(float));
+  const std::string header = "PF\n" + std::to_string(image.width) + " " + std::to_string(image.height) + "\n-1\n";
+  std::vector<unsigned char> out(header.begin(), header.end());
+  for (std::size_t y = image.height; y-- > 0;) {
+    const auto row = std::as_bytes(std::span(image.pixels).subspan(y * image.width, image.width));
+    const auto* const bytes = reinterpret_cast<const unsigned char*>(row.data());
+    out.insert(out.end(), bytes, bytes + row.size());
+  }
+  return out;
 }
 
 // A reader of `path` sees the old file or the new one, never a half.
@@ -86,7 +104,7 @@ void write_image(const std::string& path, const Image& image, const FilmFrame& f
     spec.attribute("compression", "zip");
     for (const auto& [key, value] : metadata) spec.attribute(key, value);
     write_file(path, encode(path, spec, OIIO::TypeDesc::FLOAT, image.pixels.data()));
-  } else if (extension == ".png") {
+  } else if (extension == ".png" || extension == ".tga") {
     std::vector<unsigned char> bytes;
     bytes.reserve(image.pixels.size() * 3);
     for (const Rgb& c : image.pixels)
@@ -95,9 +113,25 @@ void write_image(const std::string& path, const Image& image, const FilmFrame& f
     OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
     write_file(path, encode(path, spec, OIIO::TypeDesc::UINT8, bytes.data()));
+  } else if (extension == ".pfm") {
+    write_file(path, pfm(image));
   } else {
-    fail("write", path, "the file name must end in .exr or .png");
+    fail("write", path, "the file name must end in " + image_extensions());
   }
+}
+
+bool is_image_name(const std::string& path) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  return std::ranges::find(kExtensions, extension) != kExtensions.end();
+}
+
+std::string image_extensions() {
+  std::string out(kExtensions[0]);
+  for (std::size_t i = 1; i < kExtensions.size(); ++i) {
+    out += i + 1 < kExtensions.size() ? ", " : " or ";
+    out += kExtensions[i];
+  }
+  return out;
 }
 
 Image read_image(const std::string& path) {
