@@ -174,7 +174,7 @@ TEST(Camera, RefusesWhatMakesNoPicture) {
 
 TEST(Camera, WarnsAboutUnknownKindsAndParameters) {
   Warnings warnings;
-  Camera::build(entity<CameraDesc>("realistic", {reals("nonsense", {1})}), frame(8, 8), Dialect::v3,
+  Camera::build(entity<CameraDesc>("fisheye", {reals("nonsense", {1})}), frame(8, 8), Dialect::v3,
                 warnings);
   EXPECT_EQ(warnings.list().size(), 2u);
 }

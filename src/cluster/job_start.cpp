@@ -55,7 +55,8 @@ void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector
   constexpr double kScattered = 0.25;
   if (parts.size() < 3) return;
   Warnings unheard;  // the tracer's camera says them
-  const auto camera = Camera::build(manifest.scene.camera, frame, manifest.scene.dialect, unheard);
+  const auto camera = Camera::build(manifest.scene.camera, frame, manifest.scene.dialect, unheard,
+                                    manifest.scene.film.params.real("diagonal", 35.f));
   const PartMap map(manifest.parts);
   std::vector<Candidate> candidates(map.part_count());
   for (std::uint32_t y = 0; y < kGrid; ++y) {
@@ -64,6 +65,7 @@ void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector
       const Vec2 film(static_cast<float>(frame.x0) + at.x * static_cast<float>(frame.crop_width()),
                       static_cast<float>(frame.y0) + at.y * static_cast<float>(frame.crop_height()));
       const CameraRay ray = camera->ray(film, Vec2(0.5f));
+      if (ray.weight == 0.f) continue;
       const std::size_t n = map.candidates(ray.origin, ray.direction, kInfinity, candidates);
       double left = 1;
       for (std::size_t i = 0; i < std::min(n, candidates.size()); ++i, left *= 0.5) parts[candidates[i].part].visits += left;

@@ -5,6 +5,7 @@
 
 #include "base/portable_math.h"
 #include "base/sampling.h"
+#include "film/camera_realistic.h"
 
 namespace cloudrenderer {
 namespace {
@@ -123,16 +124,7 @@ class EnvironmentCamera final : public Camera {
     out.cone_spread = std::sqrt(step_.x * step_.y * std::fabs(sin_theta));
     return out;
   }
-  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override {
-    CameraRay8 out;
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      const CameraRay one = ray(lanes::get(film, i), lanes::get(lens, i));
-      lanes::put(out.origin, i, one.origin);
-      lanes::put(out.direction, i, one.direction);
-      lanes::put(out.cone_spread, i, one.cone_spread);
-    }
-    return out;
-  }
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return one_by_one(film, lens); }
   bool uses_lens() const override { return false; }
 
  private:
@@ -187,8 +179,21 @@ float field_of_view(const CameraDesc& desc) {
 
 }  // namespace
 
+CameraRay8 Camera::one_by_one(const Vec2x8& film, const Vec2x8& lens) const {
+  CameraRay8 out;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const CameraRay one = ray(lanes::get(film, i), lanes::get(lens, i));
+    lanes::put(out.origin, i, one.origin);
+    lanes::put(out.direction, i, one.direction);
+    lanes::put(out.cone_width, i, one.cone_width);
+    lanes::put(out.cone_spread, i, one.cone_spread);
+    lanes::put(out.weight, i, one.weight);
+  }
+  return out;
+}
+
 std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& frame, Dialect,
-                                      Warnings& warnings) {
+                                      Warnings& warnings, float film_diagonal) {
   const Transform to_world = desc.world_to_camera.inverse();
   if (!to_world.is_invertible() || !desc.world_to_camera.is_invertible())
     throw SceneError{desc.location, "the camera's transformation cannot be inverted"};
@@ -202,6 +207,8 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
       desc.params.real(name, 0.f);
     desc.params.reals("screenwindow");
     camera = std::make_unique<EnvironmentCamera>(to_world, frame);
+  } else if (desc.type == "realistic") {
+    camera = realistic_camera(desc, to_world, frame, film_diagonal, warnings);
   } else if (desc.type == "orthographic") {
     camera = std::make_unique<OrthographicCamera>(to_world, screen_window(desc, frame), lens(desc));
   } else {

@@ -13,20 +13,27 @@ struct CameraRayOf {
   // The pixel's footprint as a cone: width at the origin and growth per unit of distance (both for
   // one pixel).
   F cone_width = 0, cone_spread = 0;
+  F weight = 1;  // of the radiance that arrives: what a lens in front of the film leaves of it
 };
 using CameraRay = CameraRayOf<float>;
 using CameraRay8 = CameraRayOf<Float8>;
 
-// perspective (with lens), orthographic, environment. Immutable; any thread.
+// perspective (with lens), orthographic, environment, realistic. Immutable; any thread.
 class Camera {
  public:
+  // film_diagonal: of the film in millimetres, for lenses. Throws SceneError.
   static std::unique_ptr<Camera> build(const CameraDesc& desc, const FilmFrame& frame,
-                                       Dialect dialect, Warnings& warnings);
+                                       Dialect dialect, Warnings& warnings,
+                                       float film_diagonal = 35.f);
   virtual ~Camera() = default;
   // film: raster position in pixels of the full film (x right, y down); lens: uniform square.
   virtual CameraRay ray(const Vec2& film, const Vec2& lens) const = 0;
   virtual CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const = 0;  // the same bits in each lane
   virtual bool uses_lens() const = 0;
+
+ protected:
+  // ray8() of cameras whose formulas are not made for lanes.
+  CameraRay8 one_by_one(const Vec2x8& film, const Vec2x8& lens) const;
 };
 
 // The pixel filter, importance-sampled: every sample counts for its own pixel only.

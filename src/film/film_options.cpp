@@ -65,7 +65,7 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
   if (v3) {
     out.scale = params.real("scale", 1.f);
     out.max_sample_luminance = params.real("maxsampleluminance", kInfinity);
-    params.real("diagonal", 35.f);  // only lens-system cameras need the size in millimetres
+    params.real("diagonal", 35.f);  // read by the realistic camera
   }
   params.boolean("display", false);
   params.report_unused("Film \"" + film.type + "\"", warnings);

@@ -75,7 +75,8 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   first_pair_ = lights_->has_choice() ? 0 : 1;
   fixed_units_ = fixed_units(job.k);
   hittable_lights_ = lights_->has_infinite() || !manifest.shape_lights.empty();
-  camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings);
+  camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings,
+                          manifest.scene.film.params.real("diagonal", 35.f));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
   resident.load_part(PartId{0}, std::move(main_part));
 }
@@ -121,7 +122,7 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
     Columns<9> made;
     made.store(0, ray.origin);
     made.store(3, ray.direction);
-    made.store(6, filter_weight);
+    made.store(6, filter_weight * ray.weight);
     made.store(7, ray.cone_width);
     made.store(8, ray.cone_spread);
     for (std::size_t lane = 0; lane < n; ++lane) {
