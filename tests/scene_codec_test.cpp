@@ -15,6 +15,8 @@ namespace {
 SceneDescription sample() {
   return parse_text(R"(
 Rotate 30 1 2 3 Translate 1 2 .1
+MakeNamedMedium "fog" "string type" "homogeneous" "rgb sigma_a" [1 2 3]
+MediumInterface "" "fog"
 Camera "perspective" "float fov" [39.1]
 Film "image" "integer xresolution" [320] "string filename" "b\"\\.exr"
 Renderer "sampler"
@@ -24,6 +26,7 @@ Texture "t" "color" "imagemap" "string filename" "a.png" "bool x" "false"
 Translate 1 1 1
 Material "matte" "texture Kd" "t" "float sigma" 1e-40 Shape "a"
 MakeNamedMaterial "m" "string type" "mix" "string namedmaterial1" "none" "string namedmaterial2" "n"
+MediumInterface "fog" ""
 NamedMaterial "m" AreaLightSource "area" "rgb L" [1 1e30 0.3] Shape "b"
 LightSource "distant" "point from" [-0 0 1] "vector v" [1 2 3] "normal n" [1 0 0] "point2 p" [1 2] "vector2 w" [3 4]
 WorldEnd)",
@@ -93,6 +96,12 @@ TEST(SceneCodec, GivesBackExactlyWhatItGot) {
   ASSERT_EQ(a.area_lights.size(), 1u);
   ASSERT_EQ(b.area_lights.size(), 1u);
   expect_same(a.area_lights[0], b.area_lights[0]);
+  ASSERT_EQ(b.media.size(), 1u);
+  expect_same(a.media[0], b.media[0]);
+  expect_same(a.media[0].medium_to_world, b.media[0].medium_to_world);
+  EXPECT_EQ(b.camera.medium, MediumId(0));
+  EXPECT_EQ(b.materials.back().inside, MediumId(0));
+  EXPECT_EQ(b.materials.back().outside, MediumId());
   EXPECT_EQ(encode(a), encode(b));
 }
 
@@ -117,6 +126,8 @@ TEST(SceneCodec, RejectsWhatDoesNotFit) {
   }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_textures(1)->set_name("t"); }));
   EXPECT_TRUE(fails([](P& m) { m.clear_textures(); }));
+  EXPECT_TRUE(fails([](P& m) { m.mutable_materials(0)->set_outside(2); }));
+  EXPECT_TRUE(fails([](P& m) { m.clear_media(); }));
   EXPECT_TRUE(
       fails([](P& m) { m.mutable_lights(0)->mutable_entity()->mutable_params(0)->add_reals(1); }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_camera()->mutable_world_to_camera()->add_matrix(1); }));

@@ -177,18 +177,49 @@ TEST(Parser, DirectivesOutOfPlaceAreIgnoredWithAWarning) {
   EXPECT_EQ(p.warnings.list().size(), 5u) << joined(p.warnings);
 }
 
-TEST(Parser, UnsupportedThingsWarnOnce) {
+TEST(Parser, MediaAndTheSurfacesBetweenThem) {
   const ParsedScene p = world(R"(
-MakeNamedMedium "fog" "string type" "homogeneous"
-MediumInterface "fog" ""
-MediumInterface "fog"
-TransformTimes 0 1
+MakeNamedMedium "fog" "string type" "homogeneous" "rgb sigma_a" [1 2 3]
+AttributeBegin
+Translate 1 0 0
+MakeNamedMedium "milk" "string type" "homogeneous"
+MediumInterface "milk" "fog"
+Material "glass"
 Shape "sphere"
-Volume "homogeneous" "point p0" [0 0 0])");
-  EXPECT_EQ(p.sink.shapes.size(), 1u);
+MediumInterface "fog"
+Shape "sphere"
+AttributeEnd
+Material "glass"
+Shape "sphere"
+MediumInterface "" "smoke"
+MediumInterface "smoke" "fog"
+Shape "sphere")");
+  ASSERT_EQ(p.scene.media.size(), 2u);
+  EXPECT_EQ(p.scene.media[0].type, "homogeneous");
+  EXPECT_EQ(p.scene.media[0].params.rgb("sigma_a", Rgb(0.f)), Rgb(1, 2, 3));
+  EXPECT_EQ(p.scene.media[1].medium_to_world.point(Vec3(0.f)), Vec3(1, 0, 0));
+  const auto material = [&](std::size_t shape) { return p.scene.materials[p.sink.shapes[shape].material.value]; };
+  EXPECT_EQ(material(0).inside, MediumId(1));
+  EXPECT_EQ(material(0).outside, MediumId(0));
+  EXPECT_FALSE(material(1).is_interface()) << "the same on both sides";
+  EXPECT_EQ(p.sink.shapes[1].material, p.sink.shapes[2].material);
+  EXPECT_EQ(material(3).inside, MediumId());
+  EXPECT_EQ(material(3).outside, MediumId(0));
+  EXPECT_EQ(p.scene.materials.size(), 3u);
   EXPECT_EQ(p.warnings.list().size(), 1u) << joined(p.warnings);
-  EXPECT_NE(p.warnings.list()[0].find("scene.pbrt:3:1: warning: participating media"),
-            std::string::npos);
+  EXPECT_NE(p.warnings.list()[0].find("scene.pbrt:15:1: warning: there is no medium \"smoke\""), std::string::npos);
+}
+
+TEST(Parser, TheCameraStandsInTheOutsideMedium) {
+  const ParsedScene p = parse_text(R"(
+MakeNamedMedium "fog" "string type" "homogeneous"
+MediumInterface "" "fog"
+Camera "perspective"
+WorldBegin
+Shape "sphere"
+WorldEnd)");
+  EXPECT_EQ(p.scene.camera.medium, MediumId(0));
+  EXPECT_EQ(p.scene.materials.at(p.sink.shapes[0].material.value).outside, MediumId(0));
 }
 
 TEST(Parser, AreaLightsInObjectsAreIgnored) {

@@ -16,7 +16,7 @@ import measure
 # Reference -> scene, where that is not NAME.pbrt.
 SCENES = {f"v2/{name}": f"v2/{name}" for name in (
     "killeroo-path teapot-path cornell-path metal-path room-path-small miscquads-direct bump-direct texfilt-direct "
-    "arcsphere-ao microcity-ao").split()}
+    "arcsphere-ao microcity-ao spotfog-single").split()}
 SCENES |= {
     "v3/cornell-small": "v3/cornellbox/cornell-small",
     "v3/coffee-small": "v3/coffee/coffee-small",
@@ -29,7 +29,6 @@ SCENES |= {
 MORE = {
     "v2/bluespheres-path": "v2/bluespheres-path",
     "v2/bunny-path": "v2/bunny-path",
-    "v2/spotfog-single": "v2/spotfog-single",
     "v3/bmw-small": "v3/bmw-m6/bmw-small",
 }
 NOISY = {"v2/bunny-path", "v2/room-path-small", "v3/veach-small", "v3/classroom-small"}

@@ -22,6 +22,7 @@ using HostId = Id<struct HostTag>;      // given by the manager, never used twic
 using MaterialId = Id<struct MaterialTag>;
 using TextureId = Id<struct TextureTag>;
 using AreaLightId = Id<struct AreaLightTag>;  // an AreaLightSource directive of the scene description
+using MediumId = Id<struct MediumTag>;        // a participating medium of the scene description; none: vacuum
 using ObjectId = Id<struct ObjectTag>;        // an ObjectBegin/ObjectEnd block: a prototype
 
 }  // namespace cloudrenderer

@@ -8,6 +8,7 @@
 #include "cli/size.h"
 #include "shading/lights.h"
 #include "shading/material.h"
+#include "shading/media.h"
 
 namespace cloudrenderer {
 namespace {
@@ -60,12 +61,14 @@ void print_description(const SceneDescription& scene, Warnings& warnings) {
   print_counts("materials", count_types(scene.materials));
   print_counts("textures", count_types(scene.textures));
   print_counts("lights", count_types(scene.lights));
+  if (!scene.media.empty()) print_counts("media", count_types(scene.media));
 }
 
 // What hosts would find wrong, or not have, when they build materials and lights.
 void check(const SceneDescription& scene, Warnings& warnings) {
   Shading::check(scene, warnings);
   Lights::check(scene, warnings);
+  Media::check(scene, warnings);
 }
 
 int info_of_split(const std::string& folder) {

@@ -43,8 +43,10 @@ std::optional<std::uint32_t> number_option(const wire::JobStart& start, const ch
 wire::ColumnSet columns_of(const Manifest& manifest) {
   wire::ColumnSet columns = wire::kColumnPreviousNormal;
   if (manifest.parts.size() > 2) columns |= wire::kColumnBestHit | wire::kColumnTested;
-  if (!manifest.scene.textures.empty() || !manifest.scene.lights.empty())
-    columns |= wire::kColumnCone;
+  const SceneDescription& scene = manifest.scene;
+  const bool in_media = scene.dialect == Dialect::v3 && !scene.media.empty();
+  if (!scene.textures.empty() || !scene.lights.empty() || in_media) columns |= wire::kColumnCone;
+  if (in_media) columns |= wire::kColumnMedium;
   return columns;
 }
 

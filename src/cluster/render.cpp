@@ -88,6 +88,7 @@ class RenderRun {
     }
     Shading::check(manifest_->scene, warnings_);  // here, as hosts warn nobody
     Lights::check(manifest_->scene, warnings_);
+    Media::check(manifest_->scene, warnings_);
     overrides_ = request_.overrides;
     if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);

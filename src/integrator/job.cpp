@@ -29,9 +29,25 @@ std::uint32_t samples_per_pixel(const Entity& sampler, Dialect dialect, Warnings
 // Integrators that estimate what `path` estimates in another way.
 bool is_same_transport(const std::string& type) {
   static const std::set<std::string> types{"metropolis", "igi",  "irradiancecache", "photonmap", "exphotonmap",
-                                           "mlt",        "bdpt", "sppm",            "volpath",   "dipolesubsurface",
+                                           "mlt",        "bdpt", "sppm",            "dipolesubsurface",
                                            "diffuseprt", "glossyprt", "useprobes"};
   return types.contains(type);
+}
+
+// `type` is the integrator as given.
+MediaTransport media_transport(const SceneDescription& scene, const std::string& type, Warnings& warnings) {
+  if (scene.media.empty()) return MediaTransport::none;
+  if (scene.dialect == Dialect::v2) {
+    if (!scene.volume_integrator) return MediaTransport::emission;
+    const Entity& e = *scene.volume_integrator;
+    if (e.type == "single") return MediaTransport::single;
+    if (e.type != "emission")
+      warnings.add(e.location, "VolumeIntegrator \"" + e.type + "\" is not known; expected emission or single: emission is used");
+    return MediaTransport::emission;
+  }
+  if (type == "volpath" || type == "bdpt" || type == "mlt") return MediaTransport::multiple;
+  warnings.add(scene.integrator.location, "integrator \"" + type + "\" knows no participating media, as in pbrt-v3: they are ignored; volpath has them");
+  return MediaTransport::none;
 }
 
 }  // namespace
@@ -70,6 +86,12 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     source = &*scene.renderer;
   }
   if (type.empty()) type = v2 ? "directlighting" : "path";
+  job.media = media_transport(scene, type, warnings);
+  if (scene.volume_integrator) {
+    job.media_step = scene.volume_integrator->params.real("stepsize", 1.f);
+    if (!(job.media_step > 0.f)) throw SceneError(scene.volume_integrator->location, "stepsize must be > 0, got " + std::to_string(job.media_step));
+  }
+  if (type == "volpath") type = "path";
   if (is_same_transport(type)) {
     warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path");
     type = "path";
@@ -96,7 +118,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     const std::uint32_t rays = positive(*source, "nsamples", v2 ? 2048 : 64);
     if (!overrides.spp) job.spp = static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{own_spp} * rays, 1u << 20));
   } else {
-    throw SceneError(source->location, "integrator \"" + type + "\" is not supported; known are path, directlighting, whitted, ambientocclusion");
+    throw SceneError(source->location, "integrator \"" + type + "\" is not supported; known are path, volpath, directlighting, whitted, ambientocclusion");
   }
   // One unit of the film is 2^-30 of a contribution of one; a film scale far from one moves that along.
   const float scale = job.film.scale > 0 && std::isfinite(job.film.scale) ? job.film.scale : 1.f;

@@ -12,6 +12,10 @@ namespace cloudrenderer {
 
 enum class IntegratorKind : std::uint8_t { path, direct, ambient_occlusion };
 
+// What participating media do. pbrt-v2's volume integrators: `emission` lets media shine and absorb, `single` gathers light
+// that they scatter once, both along rays from the camera and from specular lobes. pbrt-v3's volpath: paths scatter in them.
+enum class MediaTransport : std::uint8_t { none, emission, single, multiple };
+
 // What the command line changes of the scene's own settings.
 struct JobOverrides {
   std::optional<std::uint32_t> spp, max_depth;
@@ -29,6 +33,8 @@ struct JobSettings {
   std::uint32_t seed = 0;
   SampleSequence::Kind sequence = SampleSequence::Kind::sobol;
   IntegratorKind integrator = IntegratorKind::path;
+  MediaTransport media = MediaTransport::none;
+  float media_step = 1;  // that pbrt-v2 would march, see Media::unmarched
   // Vertices (0 is what the camera sees) below `light_vertices` gather light; emission that a specular chain finds
   // counts up to vertex `emission_vertex`.
   std::uint32_t light_vertices = 6;

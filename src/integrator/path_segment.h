@@ -41,7 +41,13 @@ struct PathSegment {
   std::uint16_t flags = 0;
   std::uint16_t window = 0;          // `tested` speaks of candidates 64 * window + i along the ray
   std::uint16_t passed = 0;          // null surfaces passed so far
-  float cone_width = 0, cone_spread = 0;  // footprint, when the scene needs it
+  std::uint16_t medium = 0;          // that the ray starts in, see Media
+  // Footprint, when the scene needs it. Where light passes null surfaces, after a bounce that was not specular: minus the
+  // way since the bounce.
+  float cone_width = 0, cone_spread = 0;
+
+  // Where the path scattered last, for the densities of lights; null surfaces lie between.
+  Vec3 scattered_at() const { return cone_width < 0.f ? origin + direction * cone_width : origin; }
 };
 
 // The end of a path, sent to the owner of its renderer task.

@@ -1,5 +1,6 @@
 #include "integrator/path_tracer.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -78,7 +79,18 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings,
                           manifest.scene.film.params.real("diagonal", 35.f));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
+  if (job.media != MediaTransport::none) build_media(manifest.scene, main_part, warnings);
   resident.load_part(PartId{0}, std::move(main_part));
+}
+
+void PathTracer::build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings) {
+  media_ = Media::build(scene, warnings);
+  if (!media_ || job_.media != MediaTransport::multiple) return;
+  const auto number = [](MediumId id) { return static_cast<std::uint16_t>(id ? id.value + 1 : 0); };
+  camera_medium_ = number(scene.camera.medium);
+  for (const MaterialDesc& m : scene.materials) interfaces_.push_back({number(m.inside), number(m.outside)});
+  const auto is_null = [&](const auto& shape) { return shading_->is_null(shape.material); };
+  null_surfaces_ = std::ranges::any_of(main_part.chunks, is_null) || std::ranges::any_of(main_part.quadrics, is_null);
 }
 
 void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::uint64_t first, std::uint64_t count,
@@ -103,6 +115,7 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
       s.pixel = y * job_.film.frame.width + x;
       s.sample = sample;
       s.flags = kSpecularBounce | kCameraRay;
+      s.medium = camera_medium_;
       corners.put(0, lane, Vec2(static_cast<float>(x), static_cast<float>(y)));
       sequences[lane] = SampleSequence(job_.sequence, job_.seed, s.pixel, s.sample);
       if (++sample < range.sample_end) continue;
@@ -290,7 +303,8 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
     const RayPacket packet{{a[0], a[1], a[2]}, b[2], {a[3], b[0], b[1]}};
     std::uint32_t open = ((1u << n) - 1u) & lanes::to_bits(traceable(packet.origin, packet.direction) && packet.t_max > 0.f);
     std::uint32_t hit = 0;
-    if (open && main_geometry_) hit |= set.occluded8(0, packet, open);
+    // Where shadow rays pass surfaces of the main scene, their way through it is known when they are made.
+    if (open && main_geometry_ && !null_surfaces_) hit |= set.occluded8(0, packet, open);
     open &= ~hit;
     if (one_part_) {
       if (open && set.has(1)) hit |= set.occluded8(1, packet, open);

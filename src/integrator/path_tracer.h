@@ -8,6 +8,7 @@
 #include "parts/part_map.h"
 #include "shading/lights.h"
 #include "shading/material.h"
+#include "shading/media.h"
 #include "trace/resident.h"
 
 namespace cloudrenderer {
@@ -41,8 +42,13 @@ class PathTracer final : public PathEngine {
 
  private:
   struct Shadows;
+  // Media on the sides of a surface, as in PathSegment::medium; equal where it leaves rays in theirs.
+  struct Interface {
+    std::uint16_t inside = 0, outside = 0;
+  };
   struct Shader;
   class EightShader;
+  void build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings);
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const;
@@ -62,6 +68,10 @@ class PathTracer final : public PathEngine {
   Resident& resident_;
   std::unique_ptr<Shading> shading_;
   std::unique_ptr<Lights> lights_;
+  std::unique_ptr<const Media> media_;  // null: the job has none
+  std::vector<Interface> interfaces_;   // by material, where a path has a medium that it is in (v3)
+  std::uint16_t camera_medium_ = 0;
+  bool null_surfaces_ = false;  // shadow rays pass surfaces without material: these are all in the main scene
   std::unique_ptr<Camera> camera_;
   std::unique_ptr<Filter> filter_;
   mutable EngineTime time_;

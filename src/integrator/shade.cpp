@@ -18,15 +18,6 @@ constexpr std::int32_t kRouletteFrom = 3;    // vertex after which paths are thi
 // A path survives with this times its largest throughput, at most surely.
 constexpr float kRouletteScale = 1.f;
 
-// Shadow rays stop this far (relative) before the light's surface.
-constexpr float kShadowEnd = 1.f - 1e-4f;
-
-template <class F>
-F power_weight(F a, F b) {
-  const F a2 = a * a, b2 = b * b;
-  return lanes::select(a > 0.f, a2 / (a2 + b2), F(0.f));
-}
-
 // The side whose light matters (see Lights::sample). The geometric normal decides, as in Bsdf: with a shading normal
 // that leans far from it, light from below the shading horizon is reflected too, and light along the surface strongly:
 // then no side is preferred.
@@ -41,9 +32,8 @@ Vec3Of<F> lit_side(const BsdfOf<F>& bsdf, const Vec3Of<F>& ns, const Vec3Of<F>& 
 
 }  // namespace
 
-SurfacePoint PathTracer::Shader::surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light,
-                                         bool derivatives) const {
-  const PathSegment& s = *path;
+SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material,
+                                         std::uint32_t& light, bool derivatives) const {
   const Part& part = hit.instance == kNone ? set.part(hit.part) : set.prototype(hit.part, hit.instance);
   SurfacePoint p;
   const Transform* to_world = hit.instance == kNone ? nullptr : &set.part(hit.part).instances[hit.instance].to_world;
@@ -68,7 +58,7 @@ SurfacePoint PathTracer::Shader::surface(const Hit& hit, std::uint32_t& material
     const QuadricRecord& q = part.quadrics[hit.index];
     material = q.material;
     light = q.light;
-    Vec3 o = s.origin, d = s.direction;
+    Vec3 o = origin, d = direction;
     if (to_world) {
       const Transform inverse = to_world->inverse();
       o = inverse.point(o);
@@ -134,7 +124,7 @@ void PathTracer::Shader::escape() {
       }
     } else {
       float pdf;
-      const Rgb radiance = lights.escaped(s.origin, s.previous_normal, s.direction, pdf);
+      const Rgb radiance = lights.escaped(s.scattered_at(), s.previous_normal, s.direction, pdf);
       add(s.throughput * radiance * power_weight(s.previous_pdf, pdf));
     }
   }
@@ -171,7 +161,7 @@ void PathTracer::Shader::direct(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatter
   v.asks = arrives;
   v.light_origin = ray_start(v.p, v.offset, v.ng, sample.wi);
   v.light_direction = sample.wi;
-  v.light_distance = lanes::select(sample.distance < 1e18f, sample.distance * kShadowEnd, F(1e18f));
+  v.light_distance = shadow_length(sample.distance);
   v.light = v.throughput * f * sample.radiance * (weight / sample.pdf);
 }
 
@@ -209,6 +199,7 @@ void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatte
   v.direction = sample.wi;
   v.pdf = tracer.even_lobes_ ? bsdf.even_pdf(v.wo, sample.wi) : sample.pdf;
 }
+template void PathTracer::Shader::thin_out<float>(ScatterOf<float>&) const;
 template void PathTracer::Shader::scatter<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::scatter<Float8>(const Bsdf8&, Mask8, ScatterOf<Float8>&) const;
 
@@ -218,7 +209,9 @@ void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, fl
   if (r.asks >> lane & 1u) {
     ++out.counts.shadow;
     static_assert(sizeof(OcclusionRay) == (R::light_distance + 1 - R::light_origin) * sizeof(float));
-    if (OcclusionRay* const ray = shadow(r.get(R::light, lane)))
+    Vec3 light = r.get(R::light, lane);
+    if (tracer.media_) light *= shadow_transmittance(r.get(R::light_origin, lane), r.get(R::light_direction, lane), row[R::light_distance]);
+    if (OcclusionRay* const ray = shadow(light))
       std::memcpy(static_cast<void*>(ray), row + R::light_origin, sizeof(*ray));
   }
   if (!(r.goes_on >> lane & 1u)) {
@@ -233,6 +226,7 @@ void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, fl
   static_assert(offsetof(PathSegment, origin) == 0 && kRay == (R::pdf + 1 - R::origin) * sizeof(float));
   std::memcpy(static_cast<void*>(&s), row + R::origin, kRay);
   s.previous_normal = r.get(R::side, lane);
+  s.medium = medium_towards(s.direction);
   ++s.vertex;
   if (r.last >> lane & 1u) s.flags |= kLastRay;
   if (r.specular >> lane & 1u) {
@@ -250,7 +244,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
   std::uint32_t material, light;
-  SurfacePoint p = surface(hit, material, light, tracer.shading_->needs_uv());
+  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs_uv());
   const Vec3 wo = -s.direction;
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
 
@@ -264,12 +258,25 @@ void PathTracer::Shader::vertex(const Hit& hit) {
       if (s.flags & kSpecularBounce) {
         if (s.vertex <= job.emission_vertex) add(s.throughput * radiance);
       } else {
-        const float pdf = tracer.lights_->emitted_pdf(light, s.origin, s.previous_normal, s.direction, hit.t, p.p, p.ng, hit.primitive);
+        const float way = hit.t + std::max(0.f, -s.cone_width);
+        const float pdf = tracer.lights_->emitted_pdf(light, s.scattered_at(), s.previous_normal, s.direction, way, p.p, p.ng, hit.primitive);
         add(s.throughput * radiance * power_weight(s.previous_pdf, pdf));
       }
     }
   }
+  if (material < tracer.interfaces_.size()) {
+    interface = tracer.interfaces_[material];
+    interface_ng = p.ng;
+  }
   if (tracer.shading_->is_null(material)) {
+    if (tracer.null_surfaces_) {
+      if (++s.passed > kMaxPassed) return end();
+      s.cone_width += s.flags & kSpecularBounce ? s.cone_spread * hit.t : -hit.t;
+      PathSegment& passed = next();
+      passed.origin = ray_start(p.p, offset, p.ng, s.direction);
+      passed.medium = medium_towards(s.direction);
+      return;
+    }
     // The surface is passed through. As in pbrt's `path`, light that a scattered ray finds behind it does not count
     // (shadow rays are blocked by it, and the two must agree): a density of 0 has no weight.
     s.previous_pdf = 0;
@@ -315,8 +322,9 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
       out.absent.next.emplace_back(part);
       continue;
     }
-    if (eight.take(i)) continue;
+    if (!media_ && eight.take(i)) continue;
     shader.begin(batch.segments[i]);
+    if (media_ && !shader.cross_media(part == kNone ? kInfinity : batch.hits[i].t)) continue;
     if (part == kNone)
       shader.escape();
     else

@@ -12,6 +12,19 @@ namespace cloudrenderer {
 // What the four pairs of numbers of a vertex are for. The first one may be left out (PathTracer::first_pair_).
 enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
+// The power heuristic (Veach 1995).
+template <class F>
+F power_weight(F a, F b) {
+  const F a2 = a * a, b2 = b * b;
+  return lanes::select(a > 0.f, a2 / (a2 + b2), F(0.f));
+}
+
+// Shadow rays stop a little (relative) before the light's surface.
+template <class F>
+F shadow_length(F distance) {
+  return lanes::select(distance < 1e18f, distance * (1.f - 1e-4f), F(1e18f));
+}
+
 // Light that arrives if its ray is free: the rays apart from what they are for.
 struct PathTracer::Shadows {
   struct Light {
@@ -105,10 +118,14 @@ struct PathTracer::Shader {
   PathSegment* path = nullptr;
   std::uint16_t end_flags = 0;
   std::size_t first_shadow = 0;
+  // Its surface, where that lies between media.
+  Interface interface{};
+  Vec3 interface_ng{};
 
   void begin(PathSegment& segment) {
     path = &segment;
     end_flags = 0;
+    interface = {};
     first_shadow = shadows.lights.size();
     if (segment.flags & kCameraRay) ++out.counts.camera;
   }
@@ -148,9 +165,21 @@ struct PathTracer::Shader {
     return &shadows.rays.emplace_back();
   }
 
-  SurfacePoint surface(const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
+  SurfacePoint surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
   Footprint footprint(const SurfacePoint& p, float t) const;
   void vertex(const Hit& hit);
+  // Takes the path under work through the media before its surface at t, or infinity. False: it stays in them, and has
+  // been taken on or ended there.
+  bool cross_media(float t);
+  void scatter_in_medium(const MediumSample& at);
+  // Of the medium that a ray from the surface under work is in.
+  std::uint16_t medium_towards(const Vec3& direction) const {
+    if (interface.inside == interface.outside) return path->medium;
+    return glm::dot(direction, interface_ng) > 0.f ? interface.outside : interface.inside;
+  }
+  // How much light comes through the media, and through surfaces without material, from the end of a shadow ray; what
+  // is known to block it gives 0.
+  Rgb shadow_transmittance(const Vec3& origin, const Vec3& direction, float distance) const;
   void escape();
   void end();
   // Sends the path on; the caller says where, in what is returned.

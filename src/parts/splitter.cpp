@@ -247,12 +247,24 @@ void SceneSplitter::Work::expand_instances() {
 std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
   const std::span<const ShapeRow> rows = scene_.spool().map().rows;
   in_main_.assign(rows.size(), false);
-  double emissive = 0, cheap = 0;
+  double emissive = 0, cheap = 0, interfaces = 0;
   for (std::size_t r = 0; r < rows.size(); ++r)
     if (rows[r].prototype == kNone && rows[r].light != kNone) {
       in_main_[r] = true;
       emissive += rows[r].bytes();
     }
+  // Surfaces that a shadow ray passes: every host finds for itself what media lie along it.
+  const SceneDescription& described = manifest_.scene;
+  if (described.dialect == Dialect::v3 && !described.media.empty())
+    for (std::size_t r = 0; r < rows.size(); ++r)
+      if (rows[r].prototype == kNone && rows[r].material < described.materials.size() &&
+          described.materials[rows[r].material].type == "none") {
+        in_main_[r] = true;
+        interfaces += rows[r].bytes();
+      }
+  if (interfaces > kEmissiveBytes)
+    warnings_.add({}, "surfaces between participating media take " +
+                          std::to_string(static_cast<std::uint64_t>(interfaces) >> 20) + " MiB on every host");
   if (emissive > kEmissiveBytes)
     warnings_.add({}, "shapes that emit light take " +
                           std::to_string(static_cast<std::uint64_t>(emissive) >> 20) +

@@ -21,6 +21,7 @@ struct Entity {
 
 struct CameraDesc : Entity {
   Transform world_to_camera;
+  MediumId medium;  // that it stands in (v3)
 };
 
 // Textures have unique names: one that redefines a name in the scene gets a new one ("name#2"), and
@@ -38,6 +39,15 @@ struct TextureDesc : Entity {
 // which stand before it. type "" or "none": v3's null material (the surface is passed through).
 struct MaterialDesc : Entity {
   Transform object_to_world;  // for 3D texture mappings of nothing else; kept for completeness
+  // v3: what lies on the sides of surfaces of this material. As in pbrt-v3, a surface with the same on both sides leaves
+  // a ray in the medium that it is in; then both are none here.
+  MediumId inside, outside;
+  bool is_interface() const { return inside != outside; }
+};
+
+// v2: a `Volume`; all of them add up. v3: a `MakeNamedMedium`, by whose number surfaces and the camera refer to it.
+struct MediumDesc : Entity {
+  Transform medium_to_world;
 };
 
 struct LightDesc : Entity {
@@ -53,12 +63,14 @@ struct SceneDescription {
   CameraDesc camera;
   Entity film, sampler, filter,
       integrator;  // types in pbrt's words; defaults of the dialect when absent
-  // v2's `Renderer`, `VolumeIntegrator`, `Accelerator`, when given (read for warnings only).
+  // v2's `Renderer`, `VolumeIntegrator`, `Accelerator`, when given (only the volume integrator is more
+  // than a warning).
   std::optional<Entity> renderer, volume_integrator;
   std::vector<TextureDesc> textures;
   std::vector<MaterialDesc> materials;
   std::vector<LightDesc> lights;    // LightSource directives
   std::vector<Entity> area_lights;  // AreaLightSource directives that a shape uses
+  std::vector<MediumDesc> media;
 };
 
 // A shape as read; geometry is not built yet. Valid until the sink's call returns, unless moved

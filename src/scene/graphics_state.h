@@ -50,6 +50,7 @@ struct GraphicsState {
   std::shared_ptr<AreaLightSource> area_light;
   ScopedMap<std::string> float_textures, spectrum_textures;  // name in the file -> unique name
   ScopedMap<std::shared_ptr<MaterialSource>> named_materials;
+  MediumId inside, outside;  // MediumInterface
 };
 
 }  // namespace cloudrenderer

@@ -17,6 +17,7 @@ void Parser::camera(const Token& t) {
   camera.world_to_camera = to_transform(ctm_);
   if (!camera.world_to_camera.is_invertible())
     throw SceneError(camera.location, "the transformation of the camera cannot be inverted");
+  camera.medium = state_.outside;
   coordinate_systems_["camera"] = glm::inverse(ctm_);
   builder_.scene().camera = std::move(camera);
 }
@@ -132,20 +133,31 @@ void Parser::shape(const Token& t) {
 }
 
 void Parser::make_named_medium(const Token& t) {
-  const Entity e = read_entity(t);
-  builder_.warn_once(e.location, "participating media are not supported: ignored");
+  Entity e = read_entity(t);  // the "type" read here is the name
+  const std::string name = e.type;
+  e.type = e.params.string("type", "");
+  ParamSet others;
+  for (const Param& p : e.params.all())
+    if (p.name != "type") others.add(p);
+  e.params = std::move(others);
+  e.params = builder_.resolve_textures(state_, e, std::nullopt);
+  builder_.add_named_medium(name, std::move(e), ctm_);
 }
 
 void Parser::medium_interface(const Token& t) {
   const FileLocation where = location(t);
-  read_string("the name of a medium");
-  if (lexer().peek().kind == Token::Kind::string) lexer().next();  // one name stands for both sides
-  builder_.warn_once(where, "participating media are not supported: ignored");
+  const std::string inside = read_string("the name of a medium");
+  // One name stands for both sides.
+  const std::string outside = lexer().peek().kind == Token::Kind::string ? read_string("the name of a medium") : inside;
+  state_.inside = builder_.find_medium(inside, where);
+  state_.outside = builder_.find_medium(outside, where);
 }
 
 void Parser::volume(const Token& t) {
-  const Entity e = read_entity(t);
-  builder_.warn_once(e.location, "participating media are not supported: ignored");
+  Entity e = read_entity(t);
+  if (!in_world(t)) return;
+  e.params = builder_.resolve_textures(state_, e, std::nullopt);
+  builder_.add_volume(std::move(e), ctm_);
 }
 
 void Parser::reverse_orientation(const Token& t) {

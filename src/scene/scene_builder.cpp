@@ -8,6 +8,9 @@ namespace cloudrenderer {
 
 namespace {
 
+// Path segments keep the number of their medium in 16 bits.
+constexpr std::size_t kMostMedia = 65000;
+
 bool contains(std::span<const std::string_view> words, std::string_view word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
@@ -75,10 +78,13 @@ void append_bytes(std::string& key, const void* data, std::size_t bytes) {
 }
 
 // All that distinguishes one material from another, as bytes.
-std::string material_key(const std::string& type, const ParamSet& params) {
+std::string material_key(const MaterialDesc& material) {
+  const std::string& type = material.type;
   std::string key;
+  for (const MediumId medium : {material.inside, material.outside})
+    append_bytes(key, &medium.value, sizeof medium.value);
   append_bytes(key, type.data(), type.size());
-  for (const Param& p : params.all()) {
+  for (const Param& p : material.params.all()) {
     key += static_cast<char>(p.type);
     append_bytes(key, p.name.data(), p.name.size());
     append_bytes(key, p.reals.view().data(), p.reals.view().size_bytes());
@@ -176,6 +182,31 @@ void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DM
   scene_.lights.push_back(std::move(light));
 }
 
+void SceneBuilder::add_volume(Entity entity, const DMat4& ctm) {
+  MediumDesc medium;
+  static_cast<Entity&>(medium) = std::move(entity);
+  medium.medium_to_world = to_transform(ctm);
+  if (!medium.medium_to_world.is_invertible())
+    throw SceneError(medium.location, "the transformation of the volume cannot be inverted");
+  scene_.media.push_back(std::move(medium));
+}
+
+void SceneBuilder::add_named_medium(const std::string& name, Entity entity, const DMat4& ctm) {
+  if (scene_.media.size() >= kMostMedia)
+    throw SceneError(entity.location,
+                     "more than " + std::to_string(kMostMedia) + " participating media");
+  media_[name] = MediumId(static_cast<std::uint32_t>(scene_.media.size()));
+  add_volume(std::move(entity), ctm);
+}
+
+MediumId SceneBuilder::find_medium(const std::string& name, const FileLocation& where) {
+  if (name.empty()) return {};
+  const auto found = media_.find(name);
+  if (found != media_.end()) return found->second;
+  warn_once(where, "there is no medium \"" + name + "\": vacuum is used");
+  return {};
+}
+
 std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState& state,
                                                             Entity entity, const DMat4& ctm,
                                                             bool is_named) {
@@ -213,17 +244,22 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
 
 MaterialId SceneBuilder::intern(const GraphicsState& state, MaterialSource& source,
                                 const ParamSet& overrides) {
+  const bool is_interface = state.inside != state.outside;
   const bool as_it_is =
-      overrides.empty() && (source.textures_resolved || !has_textures(source.entity.params));
+      !is_interface && overrides.empty() && (source.textures_resolved || !has_textures(source.entity.params));
   if (as_it_is && source.id) return source.id;
 
   MaterialDesc material;
   static_cast<Entity&>(material) = source.entity;
   material.object_to_world = source.object_to_world;
+  if (is_interface) {
+    material.inside = state.inside;
+    material.outside = state.outside;
+  }
   for (const Param& p : overrides.all()) material.params.add(p);
   if (!source.textures_resolved) material.params = resolve_textures(state, material, std::nullopt);
   const auto [it, is_new] =
-      material_ids_.try_emplace(material_key(material.type, material.params),
+      material_ids_.try_emplace(material_key(material),
                                 MaterialId(static_cast<std::uint32_t>(scene_.materials.size())));
   if (is_new) {
     for (const Param& p : material.params.all()) p.used = false;

@@ -21,6 +21,10 @@ class SceneBuilder {
   void add_texture(GraphicsState& state, const std::string& name, bool is_float, Entity entity,
                    const DMat4& ctm);
   void add_light(const GraphicsState& state, Entity entity, const DMat4& ctm);
+  void add_volume(Entity entity, const DMat4& ctm);
+  void add_named_medium(const std::string& name, Entity entity, const DMat4& ctm);
+  // None, with a warning, for a name that no medium has; "" is vacuum.
+  MediumId find_medium(const std::string& name, const FileLocation& where);
   std::shared_ptr<MaterialSource> make_material(const GraphicsState& state, Entity entity,
                                                 const DMat4& ctm, bool is_named);
   // Fills material and area_light of a shape from the state, and gives its texture parameters their
@@ -44,6 +48,7 @@ class SceneBuilder {
   std::set<std::string> texture_names_;                         // that are taken
   std::unordered_map<std::string, unsigned> texture_counters_;  // redefinitions of a name so far
   std::unordered_map<std::string, MaterialId> material_ids_;  // by all that distinguishes materials
+  std::unordered_map<std::string, MediumId> media_;  // v3, by name
   std::shared_ptr<MaterialSource> default_material_;
 };
 

@@ -64,6 +64,9 @@ class Encoder {
   std::unordered_map<std::string, std::uint32_t> files_;
 };
 
+// As the messages have it: 0 is vacuum.
+std::uint32_t number_of(MediumId id) { return id ? id.value + 1 : 0; }
+
 // Thrown and caught in this file only: decoding is deeply nested, and every step can fail.
 struct Malformed {
   std::string why;
@@ -190,8 +193,25 @@ class Decoder {
       MaterialDesc d;
       static_cast<Entity&>(d) = entity(m.entity());
       d.object_to_world = transform(m.object_to_world());
+      d.inside = medium(m.inside(), in);
+      d.outside = medium(m.outside(), in);
       if (d.type == "mix") check_mix(d, out.materials.size());
       out.materials.push_back(std::move(d));
+    }
+  }
+
+  static MediumId medium(std::uint32_t number, const proto::SceneDescription& in) {
+    check(number <= static_cast<std::uint32_t>(in.media_size()), "a medium that is not there");
+    return number ? MediumId(number - 1) : MediumId();
+  }
+
+  void media(const proto::SceneDescription& in, SceneDescription& out) const {
+    check(in.media_size() <= kMostEntries, "too many media");
+    for (const proto::SceneMedium& m : in.media()) {
+      MediumDesc d;
+      static_cast<Entity&>(d) = entity(m.entity());
+      d.medium_to_world = transform(m.medium_to_world());
+      out.media.push_back(std::move(d));
     }
   }
 
@@ -223,6 +243,7 @@ void to_proto(const SceneDescription& scene, proto::SceneDescription& out) {
   out.set_source(scene.source);
   e.entity(scene.camera, out.mutable_camera()->mutable_entity());
   Encoder::transform(scene.camera.world_to_camera, out.mutable_camera()->mutable_world_to_camera());
+  out.mutable_camera()->set_medium(number_of(scene.camera.medium));
   e.entity(scene.film, out.mutable_film());
   e.entity(scene.sampler, out.mutable_sampler());
   e.entity(scene.filter, out.mutable_filter());
@@ -240,6 +261,8 @@ void to_proto(const SceneDescription& scene, proto::SceneDescription& out) {
     proto::SceneMaterial* o = out.add_materials();
     e.entity(m, o->mutable_entity());
     Encoder::transform(m.object_to_world, o->mutable_object_to_world());
+    o->set_inside(number_of(m.inside));
+    o->set_outside(number_of(m.outside));
   }
   for (const LightDesc& l : scene.lights) {
     proto::SceneLight* o = out.add_lights();
@@ -247,6 +270,11 @@ void to_proto(const SceneDescription& scene, proto::SceneDescription& out) {
     Encoder::transform(l.light_to_world, o->mutable_light_to_world());
   }
   for (const Entity& a : scene.area_lights) e.entity(a, out.add_area_lights());
+  for (const MediumDesc& m : scene.media) {
+    proto::SceneMedium* o = out.add_media();
+    e.entity(m, o->mutable_entity());
+    Encoder::transform(m.medium_to_world, o->mutable_medium_to_world());
+  }
 }
 
 Result<SceneDescription> from_proto(const proto::SceneDescription& in) {
@@ -260,6 +288,8 @@ Result<SceneDescription> from_proto(const proto::SceneDescription& in) {
     d.materials(in, out);
     static_cast<Entity&>(out.camera) = d.entity(in.camera().entity());
     out.camera.world_to_camera = Decoder::transform(in.camera().world_to_camera());
+    out.camera.medium = Decoder::medium(in.camera().medium(), in);
+    d.media(in, out);
     out.film = d.entity(in.film());
     out.sampler = d.entity(in.sampler());
     out.filter = d.entity(in.filter());

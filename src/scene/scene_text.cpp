@@ -102,8 +102,39 @@ void write_entity(std::ostream& out, std::string_view directive, const Entity& e
   write_params(out, entity.params, dialect);
 }
 
+namespace {
+
+std::string medium_name(MediumId id) { return id ? "n" + std::to_string(id.value) : ""; }
+
+void write_medium_interface(std::ostream& out, MediumId inside, MediumId outside) {
+  out << "MediumInterface ";
+  write_quoted(out, medium_name(inside));
+  out << ' ';
+  write_quoted(out, medium_name(outside));
+  out << '\n';
+}
+
+// Before everything else, since the camera may stand in one of them.
+void write_named_media(std::ostream& out, const SceneDescription& scene) {
+  for (std::size_t i = 0; i < scene.media.size(); ++i) {
+    const MediumDesc& m = scene.media[i];
+    write_transform(out, m.medium_to_world);
+    out << "MakeNamedMedium ";
+    write_quoted(out, medium_name(MediumId(static_cast<std::uint32_t>(i))));
+    out << " \"string type\" ";
+    write_quoted(out, m.type);
+    out << '\n';
+    write_params(out, m.params, scene.dialect);
+    out << "Identity\n";
+  }
+  if (scene.camera.medium) write_medium_interface(out, scene.camera.medium, scene.camera.medium);
+}
+
+}  // namespace
+
 void write_options(std::ostream& out, const SceneDescription& scene) {
   const Dialect d = scene.dialect;
+  if (d == Dialect::v3) write_named_media(out, scene);
   if (!scene.camera.world_to_camera.is_identity())
     write_transform(out, scene.camera.world_to_camera);
   write_entity(out, "Camera", scene.camera, d);
@@ -137,6 +168,13 @@ void write_world_head(std::ostream& out, const SceneDescription& scene) {
     out << '\n';
     write_params(out, m.type == "mix" ? with_material_names(m.params) : m.params, scene.dialect);
   }
+  if (scene.dialect == Dialect::v2)
+    for (const MediumDesc& m : scene.media) {
+      out << "AttributeBegin\n";
+      write_transform(out, m.medium_to_world);
+      write_entity(out, "Volume", m, scene.dialect);
+      out << "AttributeEnd\n";
+    }
   for (const LightDesc& l : scene.lights) {
     out << "AttributeBegin\n";
     if (!l.light_to_world.is_identity()) write_transform(out, l.light_to_world);
@@ -156,6 +194,9 @@ void write_material_use(std::ostream& out, const SceneDescription& scene, Materi
     out << "Material \"matte\"\n";
     return;
   }
+  const MaterialDesc& material = scene.materials[id.value];
+  if (scene.camera.medium || material.is_interface())
+    write_medium_interface(out, material.inside, material.outside);
   // pbrt-v3 knows nothing of the null material by another name.
   const std::string& type = scene.materials[id.value].type;
   if (type == "none" || type.empty()) {

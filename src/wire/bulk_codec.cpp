@@ -90,6 +90,7 @@ std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes) {
   if (columns & kColumnBestHit) n += 12;
   if (columns & kColumnTested) n += 10;
   if (columns & kColumnCone) n += 8;
+  if (columns & kColumnMedium) n += 2;
   return n;
 }
 std::size_t end_bytes(std::size_t radiance_bytes) { return 16 + 3 * radiance_bytes; }
@@ -163,6 +164,8 @@ Result<Message> read_segments(SubmitTask m, const SubmitControl& c,
       in.get(x.cone_spread);
     }
   }
+  if (columns & kColumnMedium)
+    for (auto& x : s) in.get(x.medium);
   for (const auto& x : s) {
     if (!within(x.origin, kMaxCoordinate))
       return failure("a segment's origin is not finite or too far away");
@@ -340,6 +343,8 @@ void write_bulk(const SubmitTask& m, const SubmitControl& c, std::span<std::byte
       w.put(s.cone_spread);
     });
   }
+  if (block->columns & kColumnMedium)
+    for_segments(*block, [&](const PathSegment& s) { w.put(s.medium); });
 }
 
 void write_bulk(const Reply& m, const ReplyControl& c, std::span<std::byte> out) {

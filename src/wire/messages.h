@@ -32,10 +32,11 @@ enum Column : std::uint32_t {
   kColumnBestHit = 1,  // some segment visits more than one holder: more than two parts
   kColumnTested = 2,   // likewise; with the window
   kColumnPreviousNormal = 4,
-  kColumnCone = 8,  // textures with a footprint
+  kColumnCone = 8,  // textures with a footprint; null surfaces in media
+  kColumnMedium = 16,  // scenes whose rays are in one medium or another
 };
 using ColumnSet = std::uint32_t;
-inline constexpr ColumnSet kAllColumns = 15;
+inline constexpr ColumnSet kAllColumns = 31;
 
 // Shared, because a sender keeps its segments until they are answered. A block is the concatenation
 // of its chunks; a decoded block has one chunk.

@@ -1,0 +1,102 @@
+// What a path does between surfaces.
+#include "integrator/shader.h"
+#include "shading/phase.h"
+#include "shapes/surface.h"
+
+namespace cloudrenderer {
+
+namespace {
+
+constexpr int kMaxCrossings = 1000;  // of null surfaces by one shadow ray
+
+// The numbers of the stretch that ends at the path's next surface: null surfaces end one without a vertex.
+MediumNumbers numbers_of(const JobSettings& job, const PathSegment& s) {
+  return {SampleSequence(job.sequence, job.seed, s.pixel, s.sample), 0x80000000u | (s.vertex * 0x9e3779b1u + s.passed * 0x85ebca6bu)};
+}
+
+}  // namespace
+
+bool PathTracer::Shader::cross_media(float t) {
+  PathSegment& s = *path;
+  const JobSettings& job = tracer.job_;
+  const Media& media = *tracer.media_;
+  const MediumRay ray{s.origin, s.direction, t};
+  const MediumNumbers numbers = numbers_of(job, s);
+  if (job.media != MediaTransport::multiple) {
+    // pbrt-v2 asks its volume integrator about rays from the camera, and where directlighting follows specular lobes.
+    // Everything else is only attenuated.
+    const bool seen = job.integrator == IntegratorKind::direct ? (s.flags & (kSpecularBounce | kLastRay)) == kSpecularBounce : s.vertex == 0;
+    if (seen) add(s.throughput * media.emitted(s.medium, ray, numbers));
+    if (!seen || job.media == MediaTransport::emission) {
+      s.throughput *= media.transmittance(s.medium, ray);
+      if (seen) s.throughput *= media.unmarched(ray, job.media_step, numbers);
+      return true;
+    }
+  }
+  const MediumSample sample = media.sample(s.medium, ray, numbers);
+  s.throughput *= sample.weight;
+  if (job.media == MediaTransport::single && !sample.collides) s.throughput *= media.unmarched(ray, job.media_step, numbers);
+  if (sample.collides) scatter_in_medium(sample);
+  return !sample.collides;
+}
+
+void PathTracer::Shader::scatter_in_medium(const MediumSample& at) {
+  const PathSegment& s = *path;
+  const JobSettings& job = tracer.job_;
+  if (is_over(s) || is_black(s.throughput)) return end();
+  const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex);
+  ScatterOf<float> v;
+  v.p = s.origin + at.t * s.direction;
+  v.wo = -s.direction;
+  v.vertex = s.vertex;
+  for (std::size_t i = 0; i < v.numbers.size(); ++i) v.numbers[i] = numbers[i];
+  v.throughput = s.throughput;
+  v.side = Vec3(0.f);
+  LightSample light;
+  if (tracer.lights_->sample(v.p, v.side, v.numbers[kLightChoice].x, v.numbers[kLightPoint], light)) {
+    const float phase = phase_hg(v.wo, light.wi, at.g);
+    // With single scattering no ray but this one looks for light.
+    const bool only = light.delta || job.media == MediaTransport::single;
+    const float weight = only ? 1.f : power_weight(light.weight_pdf, phase);
+    v.asks = true;
+    v.light_origin = v.p;
+    v.light_direction = light.wi;
+    v.light_distance = shadow_length(light.distance);
+    v.light = v.throughput * light.radiance * (phase * weight / light.pdf);
+  }
+  if (job.media == MediaTransport::multiple) {
+    v.goes_on = true;
+    v.origin = v.p;
+    v.direction = sample_phase_hg(v.wo, at.g, v.numbers[kDirection]);
+    v.pdf = phase_hg(v.wo, v.direction, at.g);
+    thin_out(v);
+  }
+  scattered(ScatterResults(v), 0, at.t);
+}
+
+Rgb PathTracer::Shader::shadow_transmittance(const Vec3& origin, const Vec3& direction, float distance) const {
+  const Media& media = *tracer.media_;
+  std::uint16_t medium = medium_towards(direction);
+  if (!tracer.null_surfaces_) return media.transmittance(medium, {origin, direction, distance});
+  Rgb passed(1.f);
+  Vec3 from = origin;
+  for (int crossings = 0; crossings < kMaxCrossings; ++crossings) {
+    Hit hit;
+    hit.t = distance;
+    if (!traceable(from, direction) || !set.intersect(0, {from, distance, direction}, hit))
+      return passed * media.transmittance(medium, {from, direction, distance});
+    std::uint32_t material, light;
+    const SurfacePoint p = surface(from, direction, hit, material, light, false);
+    if (!tracer.shading_->is_null(material)) return Rgb(0.f);
+    passed *= media.transmittance(medium, {from, direction, hit.t});
+    const Interface& between = tracer.interfaces_[material];
+    if (between.inside != between.outside)
+      medium = glm::dot(direction, p.ng) > 0.f ? between.outside : between.inside;
+    from = ray_start(p.p, ray_offset(p.p, p.p_error, p.ng), p.ng, direction);
+    distance -= hit.t;
+    if (!(distance > 0.f)) return passed;
+  }
+  return Rgb(0.f);
+}
+
+}  // namespace cloudrenderer

@@ -1,0 +1,92 @@
+#pragma once
+// Participating media: what happens to light between surfaces.
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "base/log.h"
+#include "base/random.h"
+#include "cloudrenderer/math.h"
+#include "scene/description.h"
+
+namespace cloudrenderer {
+
+// A stretch of a ray, from its origin.
+struct MediumRay {
+  Vec3 origin;
+  Vec3 direction;  // unit
+  float t_max = kInfinity;
+};
+
+// The random numbers of one stretch of a path.
+struct MediumNumbers {
+  SampleSequence sequence;
+  std::uint32_t first = 0;
+  float channel() const { return sequence.get_2d(first).x; }
+  float march() const { return sequence.get_2d(first).y; }
+  float distance(std::size_t medium) const { return pair(medium).x; }
+  float emission(std::size_t medium) const { return pair(medium).y; }
+
+ private:
+  Vec2 pair(std::size_t medium) const { return sequence.get_2d(first + 1 + static_cast<std::uint32_t>(medium)); }
+};
+
+// What a stretch of a path came to.
+struct MediumSample {
+  bool collides = false;  // scatters or is absorbed at t; else it passes
+  float t = 0;
+  float g = 0;            // of the medium that it collided with
+  Rgb weight{1};          // times this the throughput goes on, scattered or passed
+};
+
+// A homogeneous medium, or a density that decreases exponentially with the height; all of space, or a box.
+struct Medium {
+  Rgb sigma_a{0}, sigma_s{0}, sigma_t{0}, emission{0};
+  float g = 0;
+  bool gray = true;  // sigma_t is the same in all channels
+  bool bounded = false;
+  Transform world_to_medium;  // of what follows
+  Vec3 low{}, high{};
+  bool exponential = false;  // density a exp(-b height), height over `low` along `up`
+  float a = 1, b = 0;
+  Vec3 up{0, 1, 0};
+};
+
+// The media of a scene. Path segments name the one that they are in by 1 + its number, 0 is vacuum. In scenes of
+// pbrt-v2 all regions are everywhere, and the number says nothing. Immutable, any thread.
+//
+// Collisions with several media at one place are independent (Poisson processes): the first one counts. Where the
+// channels differ one is chosen for the distance, and the weight is that of all three choices together (single-sample
+// multiple importance sampling, as in Pharr, Jakob and Humphreys, "Physically Based Rendering", 3rd ed., section 15.2).
+class Media {
+ public:
+  // Null if the scene has none. Throws SceneError.
+  static std::unique_ptr<const Media> build(const SceneDescription& scene, Warnings& warnings);
+  // Throws and warns as build() does.
+  static void check(const SceneDescription& scene, Warnings& warnings) { build(scene, warnings); }
+
+  Rgb transmittance(std::uint16_t medium, const MediumRay& ray) const;
+  MediumSample sample(std::uint16_t medium, const MediumRay& ray, const MediumNumbers& numbers) const;
+  // pbrt-v2 marches along a ray in steps of this length or less, and attenuates what lies behind its media up to the last
+  // of its places only, a random part of a step before their end. This is how much more light that lets through: pictures
+  // are as bright as pbrt's with it.
+  Rgb unmarched(const MediumRay& ray, float step, const MediumNumbers& numbers) const;
+  // Light that the media along the ray emit towards its origin: an estimate.
+  Rgb emitted(std::uint16_t medium, const MediumRay& ray, const MediumNumbers& numbers) const;
+
+ private:
+  std::span<const Medium> active(std::uint16_t medium) const {
+    if (all_) return media_;
+    return medium == 0 || medium > media_.size() ? std::span<const Medium>() : std::span(media_).subspan(medium - 1u, 1);
+  }
+
+  std::vector<Medium> media_;
+  bool all_ = false;  // everywhere: pbrt-v2
+};
+
+// Coefficients per millimetre of what pbrt-v3 calls by name: sigma_a and reduced sigma_s. False: no such name.
+bool find_measured_medium(std::string_view name, Rgb& sigma_a, Rgb& sigma_s);
+
+}  // namespace cloudrenderer
