@@ -4,6 +4,7 @@
 #include <bit>
 #include <random>
 
+#include "shading/bsdf_disney.h"
 #include "shading/bsdf_lobes.h"
 #include "shading_lights_support.h"
 
@@ -37,11 +38,14 @@ std::vector<Lobe> lobes(std::size_t kind, float x) {
       return {microfacet(Rgb(1.f), trowbridge_reitz(0.1f + x, 0.5f), conductor(eta, k)), lambert(Rgb(0.f))};
     case 6:
       return {fresnel_blend(color, Rgb(x), trowbridge_reitz(0.2f, 0.1f + x))};
+    case 7:
+      return {disney_diffuse(DisneyDiffuse{color, x, 0.5f, 0.3f + 0.5f * x, Rgb(0.1f)}),
+              microfacet(Rgb(1.f), separable(trowbridge_reitz(0.1f + x, 0.3f)), disney_fresnel(color, x, 1.5f))};
     default:
       return {fresnel_blend(color, Rgb(x), blinn_anisotropic(0.1f, 0.01f + x)), lambert(color), microfacet(color, blinn(0.1f), no_fresnel())};
   }
 }
-constexpr std::size_t kKinds = 8;
+constexpr std::size_t kKinds = 9;
 
 Vec3 direction(Uniform& u) { return sample_uniform_sphere<float>(u.pair()); }
 

@@ -189,6 +189,7 @@ inline double cos(double x) {
   const double v = q & 1 ? detail::sin_series(r) : detail::cos_series(r);
   return (q + 1) & 2 ? -v : v;
 }
+inline double atan2(double y, double x) { return detail::atan2_double(y, x); }
 inline double exp(double x) { return x < -700 ? 0 : x > 700 ? static_cast<double>(kInfinity) : detail::exp_core(x); }
 inline double log(double x) { return x > 0 ? detail::log_core(x) : -static_cast<double>(kInfinity); }
 inline double pow(double x, double y) {

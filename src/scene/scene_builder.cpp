@@ -69,7 +69,8 @@ constexpr auto kMaterialParams = std::to_array<std::string_view>({"Kd",
 constexpr auto kFloatTextureParams = std::to_array<std::string_view>(
     {"roughness", "uroughness", "vroughness", "sigma", "bumpmap", "index", "alpha", "shadowalpha",
      "displacement", "g", "metallic", "anisotropic", "sheen", "clearcoat", "speculartint",
-     "sheentint", "clearcoatgloss", "spectrans"});
+     "sheentint", "clearcoatgloss", "spectrans", "flatness", "difftrans", "eumelanin", "pheomelanin",
+     "beta_m", "beta_n"});
 
 void append_bytes(std::string& key, const void* data, std::size_t bytes) {
   const auto n = static_cast<std::uint64_t>(bytes);

@@ -2,8 +2,10 @@
 
 #include <type_traits>
 
+#include "shading/bsdf_disney.h"
+#include "shading/bsdf_hair.h"
 #include "shading/bsdf_math.h"
-#include "shading/measured.h"
+#include "shading/scattering_table.h"
 
 namespace cloudrenderer {
 namespace {
@@ -35,9 +37,11 @@ template <class F>
 [[gnu::always_inline]] inline F reflect_by_normals(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec3Of<F>& wi,
                                                    const Half<F>& h, F& pdf) {
   const F co = lanes::abs(wo.z), ci = lanes::abs(wi.z), d = normal_density(l, h.wh);
-  if (l.distribution == Distribution::trowbridge_reitz) {
+  if (l.distribution >= Distribution::trowbridge_reitz) {
     const F so = smith_root(l, wo), si = smith_root(l, wi);
     pdf = d * 0.5f / (co + so);
+    if (l.distribution == Distribution::trowbridge_reitz_separable)
+      return d / ((co + so) * (ci + si));  // G = G1(wo) G1(wi)
     return d * 0.5f / (ci * so + co * si);  // D G / (4 co ci) with G = 1 / (1 + L(wo) + L(wi))
   }
   // Torrance and Sparrow's V-grooves: G = min(1, 2 h min(co, ci) / dot)
@@ -50,7 +54,7 @@ template <class F>
 // Density alone, for lobes whose value has another form.
 template <class F>
 F half_density(const LobeOf<F>& l, const Vec3Of<F>& wo, const Half<F>& h, F d) {
-  if (l.distribution == Distribution::trowbridge_reitz) return d * 0.5f / (lanes::abs(wo.z) + smith_root(l, wo));
+  if (l.distribution >= Distribution::trowbridge_reitz) return d * 0.5f / (lanes::abs(wo.z) + smith_root(l, wo));
   return d * lanes::abs(h.wh.z) / (4.f * h.dot);
 }
 
@@ -89,7 +93,9 @@ Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf
   // the density of visible normals is D G1 |wo.wh| / co with G1 = 2 co / (co + so)
   pdf = (1.f - reflect_chance(l, f)) * d * 2.f * std::fabs(oh) / (co + so) * jacobian * e * e;
   // G / (co ci) = 2 / (ci so + co si); radiance scaling cancels e^2
-  return l.scale2 * ((1.f - f) * d * std::fabs(oh) * jacobian * 2.f / (ci * so + co * si));
+  const float masking = l.distribution == Distribution::trowbridge_reitz_separable ? 4.f / ((co + so) * (ci + si))
+                                                                                   : 2.f / (ci * so + co * si);
+  return l.scale2 * ((1.f - f) * d * std::fabs(oh) * jacobian * masking);
 }
 
 template <class F>
@@ -106,8 +112,11 @@ Vec3Of<F> fresnel_blend_value(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, co
 }
 
 // 1 / n
-constexpr std::array<float, Bsdf::kMaxLobes + 1> kEven{0.f,     1.f,     1.f / 2, 1.f / 3, 1.f / 4,
-                                                       1.f / 5, 1.f / 6, 1.f / 7, 1.f / 8};
+constexpr auto kEven = [] {
+  std::array<float, Bsdf::kMaxLobes + 1> even{};
+  for (std::size_t n = 1; n < even.size(); ++n) even[n] = 1.f / static_cast<float>(n);
+  return even;
+}();
 
 // A rough guess of the share of light a lobe scatters, for choosing among lobes.
 template <class F>
@@ -135,6 +144,8 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
       mix = lanes::select(sum > 0.f, lanes::min(lanes::max(glossy / sum, 0.1f), 0.9f), F(0.5f));
       return luminance(l.eta) * sum;
     }
+    case LobeKind::disney_diffuse:
+      return luminance(l.scale) + 0.1f * luminance(l.scale2);
     default:
       break;
   }
@@ -142,7 +153,12 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
     const float f = fresnel_dielectric(c, outside ? l.eta.x : l.eta.y);
     switch (l.kind) {
       case LobeKind::measured:
-        return luminance(l.scale) * l.table->albedo(c);
+      case LobeKind::fourier:
+        return luminance(l.scale) * l.table->albedo(wo_z);
+      case LobeKind::hair:
+        return luminance(l.scale);
+      case LobeKind::disney_clearcoat:
+        return luminance(l.scale) * clearcoat_albedo(c);
       case LobeKind::microfacet_dielectric:
       case LobeKind::specular_dielectric:
         return luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
@@ -160,17 +176,20 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
 // A direction from a smooth lobe; `u` is a spare uniform number. False when there is none.
 template <class F>
 MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const Vec2Of<F>& u2, Vec3Of<F>& wi) {
-  if constexpr (std::is_same_v<F, float>)
-    if (l.kind == LobeKind::measured) return l.table->sample(wo, u, u2, wi);
+  if constexpr (std::is_same_v<F, float>) {
+    if (l.kind == LobeKind::measured || l.kind == LobeKind::fourier) return l.table->sample(wo, u, u2, wi);
+    if (l.kind == LobeKind::hair) return sample_hair(l, wo, u, u2, wi);
+    if (l.kind == LobeKind::disney_clearcoat) return sample_clearcoat(l, wo, u2, wi);
+  }
   const F side = lanes::select(wo.z > 0.f, F(1.f), F(-1.f));
-  MaskOf<F> diffuse{l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar};
+  MaskOf<F> diffuse{l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar || l.kind == LobeKind::disney_diffuse};
   if (l.kind == LobeKind::fresnel_blend) diffuse = u >= mix;
   if (lanes::any(diffuse)) {
     wi = sample_cosine(u2);
     wi.z *= l.transmits ? -side : side;
     if (!lanes::any(!diffuse)) return MaskOf<F>(true);
   }
-  Vec3Of<F> wh = l.distribution == Distribution::trowbridge_reitz
+  Vec3Of<F> wh = l.distribution >= Distribution::trowbridge_reitz
                      ? sample_visible_normal<F>(l, Vec3Of<F>(wo.x * side, wo.y * side, wo.z * side), u2)
                      : sample_blinn_normal(l, u2);
   wh *= side;
@@ -235,11 +254,33 @@ Rgb rough_dielectric(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half<f
   return reflect ? l.scale * (r * v) : Rgb(0.f);
 }
 
+// Of the kinds that never come eight wide.
+[[gnu::noinline]] Rgb rare_value(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half<float>& half, float& pdf) {
+  if (l.kind == LobeKind::hair) return hair_value(l, wo, wi, pdf);
+  if (l.kind == LobeKind::disney_clearcoat) {
+    pdf = 0.f;
+    if (!half.valid) return Rgb(0.f);
+    const Rgb value = clearcoat_value(l, wo, wi, half.wh, half.dot, pdf);
+    if (!(wo.z * wi.z > 0.f)) pdf = 0.f;
+    return value;
+  }
+  pdf = l.table->pdf(wo, wi);
+  return l.scale * l.table->value(wo, wi);
+}
+
+// All diffuse parts of the disney material.
+template <class F>
+[[gnu::noinline]] Vec3Of<F> disney_diffuse_value(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec3Of<F>& wi,
+                                                 const Half<F>& half) {
+  return disney_diffuse<F>(l, lanes::abs(wo.z), lanes::abs(wi.z), lanes::select(half.valid, half.dot, F(0.f)));
+}
+
 }  // namespace
 
 bool eight_wide(const Lobe& l) {
   return !l.transmits && (l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar ||
-                          l.kind == LobeKind::microfacet || l.kind == LobeKind::fresnel_blend);
+                          l.kind == LobeKind::microfacet || l.kind == LobeKind::fresnel_blend ||
+                          l.kind == LobeKind::disney_diffuse);
 }
 
 template <class F>
@@ -288,10 +329,18 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
           pdf += chance.weight * p;
         }
         break;
+      case LobeKind::disney_diffuse:
+        add(counts, disney_diffuse_value(l, wo, wi, half), sampled, chance.weight * ci * kInvPi);
+        break;
       case LobeKind::measured:
+      case LobeKind::fourier:
+      case LobeKind::hair:
+      case LobeKind::disney_clearcoat:
         if constexpr (std::is_same_v<F, float>) {
-          if (reflect) f += l.scale * l.table->value(wo, wi);
-          pdf += chance.weight * l.table->pdf(wo, wi);
+          float p;
+          const Rgb value = rare_value(l, wo, wi, half, p);
+          if (reflect || l.transmits) f += value;
+          pdf += chance.weight * p;
         }
         break;
       default:

@@ -4,13 +4,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 
 #include "base/lanes.h"
 #include "cloudrenderer/math.h"
 
 namespace cloudrenderer {
 
-class MeasuredReflectance;
+class ScatteringTable;
 
 enum class LobeKind : std::uint8_t {
   lambert,  // also for transmission
@@ -18,18 +19,28 @@ enum class LobeKind : std::uint8_t {
   microfacet,             // reflection; with `transmits` pbrt-v2's BRDFToBTDF of it
   microfacet_dielectric,  // rough reflection and refraction, chosen by Fresnel
   fresnel_blend,          // Ashikhmin and Shirley 2000: diffuse under a glossy coat
-  measured,               // a table
+  disney_diffuse,         // Burley 2012 and 2015, all that is sampled by the cosine: see bsdf_disney.h
+  disney_clearcoat,
+  measured,               // a table of reflectances
+  fourier,                // a table of both sides
+  hair,                   // Chiang et al. 2016: see bsdf_hair.h
   specular_reflection,
   specular_transmission,
   specular_dielectric  // reflection and refraction, chosen by Fresnel
 };
-enum class Distribution : std::uint8_t { blinn, blinn_anisotropic, trowbridge_reitz };
+enum class Distribution : std::uint8_t {
+  blinn,
+  blinn_anisotropic,
+  trowbridge_reitz,
+  trowbridge_reitz_separable  // masking and shadowing as if independent: pbrt-v3's disney
+};
 enum class Fresnel : std::uint8_t {
   none,
   dielectric,            // the incident side decides which index comes first
   dielectric_one_sided,  // pbrt-v2's microfacets: always as if from outside
   conductor,             // exact
-  conductor_v2           // pbrt-v2's approximation
+  conductor_v2,          // pbrt-v2's approximation
+  disney                 // dielectric, by Schlick's approximation as far as metallic
 };
 
 // One scattering lobe; which fields count depends on the kind. Plain data without initialisers, so
@@ -40,17 +51,18 @@ struct LobeOf {
   LobeKind kind;
   Distribution distribution;
   Fresnel fresnel;
-  bool transmits;       // lambert, oren_nayar, microfacet: scatters to the other side
+  bool transmits;       // lambert, oren_nayar, microfacet: scatters to the other side; fourier, hair: also
   bool scale_radiance;  // refraction compresses radiance by (eta_i / eta_t)^2, as in pbrt-v3 and
                         // not in pbrt-v2
   Vec3Of<F> scale;      // reflectance (fresnel_blend: diffuse)
-  Vec3Of<F> scale2;     // dielectrics: transmittance; fresnel_blend: specular
-  Vec3Of<F> eta;  // conductors; dielectrics: x = inside over outside, y = 1/x; fresnel_blend: factor over
-            // all
-  Vec3Of<F> k;  // conductors
-  F alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, or Oren and Nayar's A and B
+  Vec3Of<F> scale2;     // dielectrics: transmittance; fresnel_blend: specular; disney_diffuse: sheen;
+                        // hair: absorption
+  Vec3Of<F> eta;  // conductors; dielectrics: x = inside over outside, y = 1/x (z: disney's metallic);
+            // fresnel_blend: factor over all
+  Vec3Of<F> k;  // conductors; disney's Fresnel: reflectance at normal incidence; disney_diffuse, hair: see there
+  F alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, Oren and Nayar's A and B, or hair's tilt
   F norm;              // of the distribution, precomputed
-  const MeasuredReflectance* table;  // measured; owned by the Shading
+  const ScatteringTable* table;  // measured, fourier; owned by the Shading
 };
 using Lobe = LobeOf<float>;
 
@@ -75,7 +87,8 @@ using BsdfSample = BsdfSampleOf<float>;
 template <class F>
 class BsdfOf {
  public:
-  static constexpr int kMaxLobes = 8;
+  // Room for mixed materials (pbrt has room for 8); with more the materials warn.
+  static constexpr int kMaxLobes = std::is_same_v<F, float> ? 32 : 8;
   using Vector = Vec3Of<F>;
   using Mask = MaskOf<F>;
 
@@ -130,7 +143,7 @@ class BsdfOf {
 
   void note(const LobeOf<F>& lobe) {
     smooth_ = smooth_ || lobe.kind < LobeKind::specular_reflection;
-    half_ = half_ || (lobe.kind >= LobeKind::microfacet && lobe.kind <= LobeKind::fresnel_blend);
+    half_ = half_ || (lobe.kind >= LobeKind::microfacet && lobe.kind <= LobeKind::disney_clearcoat);
   }
   void copy(const BsdfOf& b) {  // only the lobes that exist
     frame_ = b.frame_;

@@ -25,6 +25,7 @@ void set(Lobe& l, const Microfacets& m) {
       l.norm = std::sqrt((m.x + 2.f) * (m.y + 2.f)) * (0.5f * kInvPi);
       break;
     case Distribution::trowbridge_reitz:
+    case Distribution::trowbridge_reitz_separable:
       l.norm = kInvPi / (m.x * m.y);
       break;
   }
@@ -84,6 +85,11 @@ float roughness_to_alpha(float roughness) {
   return 1.62142f + x * (0.819955f + x * (0.1734f + x * (0.0171201f + x * 0.000640711f)));
 }
 
+Microfacets separable(Microfacets m) {
+  m.distribution = Distribution::trowbridge_reitz_separable;
+  return m;
+}
+
 FresnelTerm no_fresnel() { return {Fresnel::none, Rgb(1.f), Rgb(0.f)}; }
 FresnelTerm dielectric(float inside_over_outside) {
   return {Fresnel::dielectric, index_pair(inside_over_outside), Rgb(0.f)};
@@ -93,6 +99,11 @@ FresnelTerm dielectric_one_sided(float beyond_over_incident) {
 }
 FresnelTerm conductor(const Rgb& eta, const Rgb& k) { return {Fresnel::conductor, eta, k}; }
 FresnelTerm conductor_v2(const Rgb& eta, const Rgb& k) { return {Fresnel::conductor_v2, eta, k}; }
+FresnelTerm disney_fresnel(const Rgb& normal, float metallic, float eta) {
+  Rgb e = index_pair(eta);
+  e.z = metallic;
+  return {Fresnel::disney, e, normal};
+}
 
 Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f, bool transmits) {
   Lobe l = make(LobeKind::microfacet, scale);
@@ -119,9 +130,16 @@ Lobe fresnel_blend(const Rgb& diffuse, const Rgb& specular, const Microfacets& m
   return l;
 }
 
-Lobe measured(const MeasuredReflectance& table) {
+Lobe measured(const ScatteringTable& table) {
   Lobe l = make(LobeKind::measured, Rgb(1.f));
   l.table = &table;
+  return l;
+}
+
+Lobe fourier(const ScatteringTable& table) {
+  Lobe l = measured(table);
+  l.kind = LobeKind::fourier;
+  l.transmits = true;
   return l;
 }
 
@@ -154,6 +172,7 @@ void scale_lobe(Lobe& lobe, const Rgb& factor) {
       break;
     case LobeKind::microfacet_dielectric:
     case LobeKind::specular_dielectric:
+    case LobeKind::disney_diffuse:
       lobe.scale *= factor;
       lobe.scale2 *= factor;
       break;

@@ -17,6 +17,7 @@ struct Microfacets {
 Microfacets blinn(float roughness);
 Microfacets blinn_anisotropic(float u_roughness, float v_roughness);
 Microfacets trowbridge_reitz(float alpha_x, float alpha_y);
+Microfacets separable(Microfacets trowbridge_reitz);  // see Distribution
 // pbrt-v3's map from a roughness in [0, 1] to a Trowbridge-Reitz width.
 float roughness_to_alpha(float roughness);
 
@@ -30,15 +31,18 @@ FresnelTerm dielectric(float inside_over_outside);
 FresnelTerm dielectric_one_sided(float beyond_over_incident);
 FresnelTerm conductor(const Rgb& eta, const Rgb& k);
 FresnelTerm conductor_v2(const Rgb& eta, const Rgb& k);
+// normal: the reflectance at normal incidence as far as metallic.
+FresnelTerm disney_fresnel(const Rgb& normal, float metallic, float eta);
 
 Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f,
                 bool transmits = false);
-// Trowbridge-Reitz only.
+// Trowbridge-Reitz only, in either form.
 Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m,
                            float eta);
 Lobe fresnel_blend(const Rgb& diffuse, const Rgb& specular, const Microfacets& m);
-// A table that outlives the lobe.
-Lobe measured(const MeasuredReflectance& table);
+// Tables that outlive the lobe.
+Lobe measured(const ScatteringTable& table);
+Lobe fourier(const ScatteringTable& table);
 Lobe specular_reflection(const Rgb& scale, const FresnelTerm& f);
 // eta: inside over outside; 1 lets the ray through unbent.
 Lobe specular_transmission(const Rgb& scale, float eta, bool scale_radiance);

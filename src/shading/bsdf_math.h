@@ -58,6 +58,16 @@ Vec3x8 by_channel(const Vec3x8& n, const Vec3x8& k, Formula formula) {
   return {formula(n.x, k.x), formula(n.y, k.y), formula(n.z, k.z)};
 }
 
+template <class F>
+F pow5(F x) {
+  const F x2 = x * x;
+  return x2 * x2 * x;
+}
+template <class F>
+Vec3Of<F> schlick(const Vec3Of<F>& r, F c) {
+  return r + pow5<F>(lanes::max(0.f, 1.f - c)) * (Vec3Of<F>(F(1.f)) - r);
+}
+
 // Fresnel factor of a reflection lobe. `c` is the cosine against the half vector (or normal),
 // `outside` tells its side.
 template <class F>
@@ -73,18 +83,14 @@ Vec3Of<F> fresnel(const LobeOf<F>& l, F c, MaskOf<F> outside) {
       return by_channel(l.eta, l.k, [c](F n, F k) { return conductor_channel<F>(c, n, k); });
     case Fresnel::conductor_v2:
       return by_channel(l.eta, l.k, [c](F n, F k) { return conductor_channel_v2<F>(c, n, k); });
+    case Fresnel::disney: {
+      // From inside pbrt-v3 has a negative cosine, for which Schlick's approximation is 1.
+      const Vec3Of<F> smooth(fresnel_dielectric<F>(c, lanes::select(outside, l.eta.x, l.eta.y)));
+      const Vec3Of<F> metal = schlick<F>(l.k, lanes::select(outside, c, F(0.f)));
+      return smooth + l.eta.z * (metal - smooth);
+    }
   }
   return Vec3Of<F>(F(1.f));
-}
-
-template <class F>
-F pow5(F x) {
-  const F x2 = x * x;
-  return x2 * x2 * x;
-}
-template <class F>
-Vec3Of<F> schlick(const Vec3Of<F>& r, F c) {
-  return r + pow5<F>(lanes::max(0.f, 1.f - c)) * (Vec3Of<F>(F(1.f)) - r);
 }
 
 // (1 - s2)^(e/2) for s2 in [0, 1], that is cos^e from the squared sine: precise near the pole,
@@ -142,6 +148,7 @@ F normal_density(const LobeOf<F>& l, const Vec3Of<F>& wh) {
       return lanes::select(s2 <= 0.f, l.norm, l.norm * cosine_power<F>(s2, exponent));
     }
     case Distribution::trowbridge_reitz:
+    case Distribution::trowbridge_reitz_separable:
       break;
   }
   const F x = wh.x / l.alpha_x, y = wh.y / l.alpha_y, q = x * x + y * y + wh.z * wh.z;

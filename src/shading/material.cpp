@@ -10,22 +10,22 @@ namespace cloudrenderer {
 namespace {
 
 constexpr std::array kKinds{
-    MaterialKind{"matte", make_matte},
-    MaterialKind{"plastic", make_plastic},
-    MaterialKind{"metal", make_metal},
-    MaterialKind{"shinymetal", make_shinymetal},
-    MaterialKind{"mirror", make_mirror},
-    MaterialKind{"glass", make_glass},
-    MaterialKind{"uber", make_uber},
-    MaterialKind{"substrate", make_substrate},
-    MaterialKind{"translucent", make_translucent},
-    MaterialKind{"mix", make_mix},
-    MaterialKind{"disney", make_disney},
-    MaterialKind{"kdsubsurface", make_kdsubsurface},
-    MaterialKind{"subsurface", make_grey},
-    MaterialKind{"measured", make_measured},
-    MaterialKind{"fourier", make_grey},
-    MaterialKind{"hair", make_grey},
+    MaterialKind{"matte", make_matte, 1},
+    MaterialKind{"plastic", make_plastic, 2},
+    MaterialKind{"metal", make_metal, 1},
+    MaterialKind{"shinymetal", make_shinymetal, 2},
+    MaterialKind{"mirror", make_mirror, 1},
+    MaterialKind{"glass", make_glass, 1},
+    MaterialKind{"uber", make_uber, 5},
+    MaterialKind{"substrate", make_substrate, 1},
+    MaterialKind{"translucent", make_translucent, 4},
+    MaterialKind{"mix", make_mix, 0, false},
+    MaterialKind{"disney", make_disney, 5},
+    MaterialKind{"kdsubsurface", make_kdsubsurface, 2},
+    MaterialKind{"subsurface", make_grey, 1},
+    MaterialKind{"measured", make_measured, 1},
+    MaterialKind{"fourier", make_fourier, 1},
+    MaterialKind{"hair", make_hair, 1, false},
 };
 
 const MaterialKind* find_kind(std::string_view name) {
@@ -102,7 +102,7 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
       continue;
     }
     TexturedParams params(desc.params, textures, scene.dialect, desc.location, warnings);
-    MaterialInputs in{params, out, measured, false, 1, nullptr};
+    MaterialInputs in{params, out, measured};
     const MaterialKind* kind = find_kind(desc.type);
     if (!kind) {
       std::string names;
@@ -116,10 +116,15 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
     if (in.depth > kMaxMixDepth)
       throw SceneError(desc.location,
                        "materials are mixed more than " + std::to_string(kMaxMixDepth) + " deep");
+    r.lobes_at_most = kind->lobes + in.lobes;
+    if (r.lobes_at_most > Bsdf::kMaxLobes)
+      warnings.add(desc.location, "the mixed materials may have " + std::to_string(r.lobes_at_most) +
+                                      " lobes where there is room for " + std::to_string(Bsdf::kMaxLobes) +
+                                      ": the last ones are left out");
     r.textured = params.textured();
-    r.has_bump = params.optional_real("bumpmap", r.bump) &&
-                 r.bump.texture;   // a constant displacement bends nothing
-    if (in.base && !r.has_bump) {  // the first of two mixed materials gives the shading frame
+    r.has_bump = kind->bump && params.optional_real("bumpmap", r.bump) &&
+                 r.bump.texture;  // a constant displacement bends nothing
+    if (in.base) {                // the first of two mixed materials gives the shading frame
       r.has_bump = in.base->has_bump;
       r.bump = in.base->bump;
     }

@@ -45,6 +45,7 @@ struct MaterialRecord {
   TexturedFloat bump;
   TextureNeeds needs;
   int depth = 1;  // of mixes
+  int lobes_at_most = 0;
   std::uint32_t kind = 0;  // see Shading::kind
 };
 
@@ -54,12 +55,15 @@ struct MaterialInputs {
   MeasuredStore& measured;
   bool tangents = false;                    // set by the maker
   int depth = 1;                            // set by the maker of mixes
+  int lobes = 0;                            // set by the maker of mixes
   const MaterialRecord* base = nullptr;     // whose bump map counts, set by the maker of mixes
 };
 
 struct MaterialKind {
   std::string_view name;
   std::unique_ptr<Material> (*make)(MaterialInputs&);
+  int lobes;         // at most, on its own
+  bool bump = true;  // has a "bumpmap"
 };
 
 std::unique_ptr<Material> make_matte(MaterialInputs&);
@@ -73,7 +77,9 @@ std::unique_ptr<Material> make_substrate(MaterialInputs&);
 std::unique_ptr<Material> make_translucent(MaterialInputs&);
 std::unique_ptr<Material> make_measured(MaterialInputs&);
 std::unique_ptr<Material> make_mix(MaterialInputs&);
-std::unique_ptr<Material> make_disney(MaterialInputs&);        // approximated
+std::unique_ptr<Material> make_disney(MaterialInputs&);
+std::unique_ptr<Material> make_fourier(MaterialInputs&);
+std::unique_ptr<Material> make_hair(MaterialInputs&);
 std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);  // approximated
 std::unique_ptr<Material> make_grey(MaterialInputs&);          // for kinds that are not supported
 

@@ -1,3 +1,5 @@
+#include <filesystem>
+
 #include "shading/material_kinds.h"
 #include "shading/measured.h"
 
@@ -16,7 +18,31 @@ class Measured final : public Material {
   const MeasuredReflectance& reflectance_;  // the MeasuredStore's
 };
 
+// pbrt-v3's "fourier": both sides from a file. Without one it is black, as in pbrt-v3.
+class Fourier final : public Material {
+ public:
+  explicit Fourier(const ScatteringTable* table) : table_(table) {}
+  void add_lobes(const TexturePoint&, LobeSink& out) const override {
+    if (table_) out.add(bsdf::fourier(*table_));
+  }
+
+ private:
+  const ScatteringTable* table_;  // the MeasuredStore's
+};
+
 }  // namespace
+
+std::unique_ptr<Material> make_fourier(MaterialInputs& in) {
+  const std::string path = in.params.params().string("bsdffile", "");
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) {
+    in.params.warn(path.empty() ? "the fourier material needs a \"string bsdffile\"; without it is black"
+                                : "cannot read \"" + path + "\": the fourier material is black");
+    return std::make_unique<Fourier>(nullptr);
+  }
+  return std::make_unique<Fourier>(
+      in.measured.get_fourier(path, in.params.params().find("bsdffile")->location));
+}
 
 std::unique_ptr<Material> make_measured(MaterialInputs& in) {
   const std::string path = in.params.params().string("filename", "");

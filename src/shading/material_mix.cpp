@@ -1,3 +1,4 @@
+#include <array>
 #include <charconv>
 
 #include "shading/material_kinds.h"
@@ -8,23 +9,28 @@ namespace {
 // amount * first + (1 - amount) * second; both stand before the mix in the scene's list.
 class Mix final : public Material {
  public:
-  Mix(const Material* first, const Material* second, const TexturedRgb& amount)
-      : first_(first), second_(second), amount_(amount) {}
+  Mix(const MaterialRecord* first, const MaterialRecord* second, const TexturedRgb& amount)
+      : parts_{part(first), part(second)}, amount_(amount) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
-    const Rgb a = positive(amount_(at)), b = positive(Rgb(1.f) - a);
-    if (first_ && !is_black(a)) {
-      LobeSink sink = out.scaled(a);
-      first_->add_lobes(at, sink);
-    }
-    if (second_ && !is_black(b)) {
-      LobeSink sink = out.scaled(b);
-      second_->add_lobes(at, sink);
-    }
+    const Rgb a = positive(amount_(at));
+    add(parts_[0], a, at, out);
+    add(parts_[1], positive(Rgb(1.f) - a), at, out);
   }
 
  private:
-  const Material* first_;  // owned by earlier records
-  const Material* second_;
+  struct Part {
+    const Material* material;  // owned by an earlier record; null: none
+    bool passes;               // the null material: its share of the light goes straight on
+  };
+  static Part part(const MaterialRecord* r) { return {r ? r->material.get() : nullptr, r && !r->material}; }
+  static void add(const Part& part, const Rgb& amount, const TexturePoint& at, LobeSink& out) {
+    if (is_black(amount)) return;
+    LobeSink sink = out.scaled(amount);
+    if (part.material) part.material->add_lobes(at, sink);
+    if (part.passes) sink.add(bsdf::specular_transmission(Rgb(1.f), 1.f, false));
+  }
+
+  std::array<Part, 2> parts_;
   TexturedRgb amount_;
 };
 
@@ -42,6 +48,7 @@ const MaterialRecord* mixed(MaterialInputs& in, std::string_view name) {
   if (r->textured) in.params.set_textured();
   in.tangents = in.tangents || r->tangents;
   in.depth = std::max(in.depth, r->depth + 1);
+  in.lobes += r->material ? r->lobes_at_most : 1;
   return r;
 }
 
@@ -52,8 +59,7 @@ std::unique_ptr<Material> make_mix(MaterialInputs& in) {
   const MaterialRecord* a = mixed(in, "namedmaterial1");
   const MaterialRecord* b = mixed(in, "namedmaterial2");
   in.base = a;
-  return std::make_unique<Mix>(a ? a->material.get() : nullptr, b ? b->material.get() : nullptr,
-                               amount);
+  return std::make_unique<Mix>(a, b, amount);
 }
 
 }  // namespace cloudrenderer

@@ -5,6 +5,7 @@
 
 #include "base/portable_math.h"
 #include "shading/bsdf_math.h"
+#include "shading/fourier.h"
 
 namespace cloudrenderer {
 namespace {
@@ -153,6 +154,15 @@ const MeasuredReflectance* MeasuredStore::get(const std::string& path, Dialect d
     const bool irregular = path.ends_with(".brdf") || path.ends_with(".BRDF");
     slot = std::make_unique<MeasuredReflectance>(
         irregular ? read_irregular_brdf(path, dialect, where) : read_merl(path, where));
+    bytes_ += slot->bytes();
+  }
+  return slot.get();
+}
+
+const ScatteringTable* MeasuredStore::get_fourier(const std::string& path, const FileLocation& where) {
+  auto& slot = fourier_[path];
+  if (!slot) {
+    slot = FourierTable::read(path, where);
     bytes_ += slot->bytes();
   }
   return slot.get();

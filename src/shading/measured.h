@@ -12,6 +12,7 @@
 #include "base/sampling.h"
 #include "cloudrenderer/math.h"
 #include "scene/description.h"
+#include "shading/scattering_table.h"
 
 namespace cloudrenderer {
 
@@ -37,18 +38,17 @@ std::unique_ptr<ReflectanceTable> read_irregular_brdf(const std::string& path, D
 
 // A table with what its lobe needs for sampling: half vectors by how much the table reflects about
 // them on average, mixed with the cosine, in shares that depend on the eye's angle.
-class MeasuredReflectance {
+class MeasuredReflectance final : public ScatteringTable {
  public:
   explicit MeasuredReflectance(std::unique_ptr<const ReflectanceTable> table);
 
-  Rgb value(const Vec3& wo, const Vec3& wi) const { return table_->value(wo, wi); }
-  // Density of sample(); 0 on the other side of the surface.
-  float pdf(const Vec3& wo, const Vec3& wi) const;
-  // u chooses between the two. False when the direction is below the surface.
-  bool sample(const Vec3& wo, float u, const Vec2& u2, Vec3& wi) const;
-  // The share of light that is reflected, roughly.
-  float albedo(float cosine) const { return albedo_[angle_of(cosine)]; }
-  std::uint64_t bytes() const { return table_->bytes(); }
+  Rgb value(const Vec3& wo, const Vec3& wi) const override { return table_->value(wo, wi); }
+  // 0 on the other side of the surface.
+  float pdf(const Vec3& wo, const Vec3& wi) const override;
+  // u chooses between the two.
+  bool sample(const Vec3& wo, float u, const Vec2& u2, Vec3& wi) const override;
+  float albedo(float cosine) const override { return albedo_[angle_of(cosine)]; }
+  std::uint64_t bytes() const override { return table_->bytes(); }
 
  private:
   static constexpr std::size_t kCells = 90;   // of the half vector's angle, finer towards 0
@@ -65,16 +65,18 @@ class MeasuredReflectance {
   std::array<float, kAngles> albedo_{}, mix_{};  // mix_: chance of a half vector
 };
 
-// The measured reflectances of a scene: a file that several materials name is read once.
+// The tables of a scene: a file that several materials name is read once.
 class MeasuredStore {
  public:
   // The suffix tells the format: .brdf, else MERL.
   const MeasuredReflectance* get(const std::string& path, Dialect dialect,
                                  const FileLocation& where);
+  const ScatteringTable* get_fourier(const std::string& path, const FileLocation& where);
   std::uint64_t bytes() const { return bytes_; }
 
  private:
   std::map<std::string, std::unique_ptr<const MeasuredReflectance>> files_;
+  std::map<std::string, std::unique_ptr<const ScatteringTable>> fourier_;
   std::uint64_t bytes_ = 0;
 };
 
