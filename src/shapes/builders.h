@@ -10,6 +10,7 @@ ShapeGeometry make_loopsubdiv(const ShapeDesc& shape, Dialect dialect, Warnings&
 ShapeGeometry make_heightfield(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_nurbs(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_bilinearmesh(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
+ShapeGeometry make_curve(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_sphere(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_cylinder(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_disk(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);

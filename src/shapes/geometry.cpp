@@ -17,6 +17,7 @@ struct ShapeKind {
 constexpr ShapeKind kShapes[] = {
     {"bilinearmesh", make_bilinearmesh},
     {"cone", make_cone},
+    {"curve", make_curve},
     {"cylinder", make_cylinder},
     {"disk", make_disk},
     {"heightfield", make_heightfield},
