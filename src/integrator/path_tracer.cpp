@@ -63,7 +63,8 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
       dialect_(manifest.scene.dialect),
       map_(manifest.parts),
       one_part_(manifest.parts.size() == 2),
-      main_geometry_(!main_part.triangles.empty() || !main_part.quadrics.empty() || !main_part.instances.empty()),
+      main_geometry_(!main_part.triangles.empty() || !main_part.quadrics.empty() || !main_part.instances.empty() ||
+                     !main_part.curves.segments.empty()),
       resident_(resident),
       shading_(Shading::build(manifest.scene, {.texture_budget = texture_budget}, warnings)) {
   footprint_ = shading_->needs_footprint();

@@ -54,6 +54,11 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
       for (int i = 0; i < 3; ++i) tri.uv[static_cast<std::size_t>(i)] = part.uvs[c.first_uv + index[i] - c.first_vertex];
     }
     p = triangle_point(tri, c.flip != 0, tracer.dialect_, hit.u, hit.v, derivatives);
+  } else if (hit.geometry == 2) {
+    const CurveGroup& g = part.curves.group_of(hit.index);
+    material = g.material;
+    light = g.light;
+    p = curve_point(part.curves, hit.index, to_world ? to_world->inverse().vector(s.direction) : s.direction, hit.u, hit.v);
   } else {
     const QuadricRecord& q = part.quadrics[hit.index];
     material = q.material;

@@ -9,6 +9,7 @@
 #include "parts/check.h"
 #include "parts/mapped_file.h"
 #include "parts/part_format.h"
+#include "shapes/surface.h"
 
 namespace cloudrenderer {
 namespace {
@@ -67,6 +68,31 @@ const char* bad_chunk(const Part& p, const MeshChunk& c, std::uint64_t expected_
   return ok ? nullptr : "vertex index out of range";
 }
 
+const char* bad_curves(const CurveArrays& c) {
+  if (!all_usable(c.points)) return "a curve is not finite";
+  if (!all_usable(c.normals)) return "a curve's normal is not finite";
+  for (const CurveGroup& g : c.groups) {
+    if (g.kind > static_cast<std::uint32_t>(CurveKind::ribbon)) return "unknown curve";
+    if (g.log2_segments > kCurveSegmentBits || g.flip > 1 || g.placed > 1) return "bad curve";
+    if (!usable(g.object_to_world)) return "a curve is not finite";
+  }
+  for (const CurveRecord& r : c.records) {
+    if (r.group >= c.groups.size() || !inside(r.first_point, 4, c.points.size())) return "curve out of range";
+    const CurveGroup& g = c.groups[r.group];
+    const bool ribbon = g.kind == static_cast<std::uint32_t>(CurveKind::ribbon);
+    if (ribbon != (r.first_normal != kNone) || (ribbon && !inside(r.first_normal, 2, c.normals.size())))
+      return "curve normals out of range";
+    if (std::uint64_t{r.piece} + 1 > (std::uint64_t{kNone} >> g.log2_segments)) return "curve numbers overflow";
+    for (const float w : r.width)
+      if (!usable(w) || w < 0.f) return "a curve's width is not usable";
+  }
+  for (const std::uint32_t s : c.segments)
+    if (s >> kCurveSegmentBits >= c.records.size() ||
+        (s & ((1u << kCurveSegmentBits) - 1)) >> c.groups[c.records[s >> kCurveSegmentBits].group].log2_segments)
+      return "curve segment out of range";
+  return nullptr;
+}
+
 const char* bad_content(const Part& p) {
   if (!all_usable(p.positions)) return "a position is not finite";
   if (!all_usable(p.normals)) return "a normal is not finite";
@@ -90,36 +116,48 @@ const char* bad_content(const Part& p) {
   }
   for (const InstanceRecord& r : p.instances)
     if (!usable(r.to_world)) return "an instance is not finite";
-  return nullptr;
+  return bad_curves(p.curves);
 }
 
 }  // namespace
+
+SurfacePoint curve_point(const CurveArrays& curves, std::uint32_t segment, const Vec3& direction, float u, float v) {
+  const CurveRecord& record = curves.record_of(segment);
+  const CurveGroup& group = curves.groups[record.group];
+  glm::dvec3 way(direction);
+  if (group.placed) way = glm::inverse(glm::dmat3(Mat4(group.object_to_world.matrix()))) * way;
+  const SurfacePoint s = surface_point(curves.piece(record), group.flip != 0, way, u, v);
+  return group.placed ? transformed(s, group.object_to_world) : s;
+}
 
 Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
   const auto failure = [](const char* why) {
     return Result<Part>::failure(std::string("part: ") + why);
   };
-  constexpr std::size_t kTableEnd = sizeof(Header) + kSectionCount * sizeof(SectionEntry);
-  if (bytes.size() < kTableEnd) return failure("too short");
+  if (bytes.size() < sizeof(Header)) return failure("too short");
   if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 16 != 0)
     return failure("bytes are not aligned");
   Header header;
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kMagic) return failure("not a part file");
   if (header.version != kVersion) return failure("unknown version");
-  if (header.section_count != kSectionCount) return failure("wrong number of sections");
+  if (header.section_count < kBaseSections || header.section_count > kSectionCount)
+    return failure("wrong number of sections");
+  const std::size_t table_bytes = header.section_count * sizeof(SectionEntry);
+  const std::size_t table_end = sizeof(Header) + table_bytes;
+  if (bytes.size() < table_end) return failure("too short");
   if (header.reserved != Header().reserved) return failure("reserved bytes are not 0");
   if (header.file_bytes != bytes.size()) return failure("wrong length");
   if (XXH3_64bits(bytes.data() + sizeof header, bytes.size() - sizeof header) != header.checksum)
     return failure("wrong checksum");
 
   std::array<SectionEntry, kSectionCount> table;
-  std::memcpy(table.data(), bytes.data() + sizeof header, sizeof table);
-  for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+  std::memcpy(table.data(), bytes.data() + sizeof header, table_bytes);
+  for (std::uint32_t s = 0; s < header.section_count; ++s) {
     const SectionEntry& e = table[s];
     if (e.section != s || e.element_bytes != kElementBytes[s]) return failure("unknown section");
     const std::uint64_t padding = s == kPositions ? kPadding : 0;
-    if (e.offset % kAlignment != 0 || e.offset < kTableEnd || e.offset > bytes.size())
+    if (e.offset % kAlignment != 0 || e.offset < table_end || e.offset > bytes.size())
       return failure("section out of range");
     if (e.count > (bytes.size() - e.offset) / e.element_bytes || e.count >= kNone ||
         e.count * e.element_bytes + padding > bytes.size() - e.offset)
@@ -134,6 +172,11 @@ Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const v
   p.chunks = section<MeshChunk>(bytes, table[kChunks]);
   p.quadrics = section<QuadricRecord>(bytes, table[kQuadrics]);
   p.instances = section<InstanceRecord>(bytes, table[kInstances]);
+  p.curves.points = section<Vec3>(bytes, table[kCurvePoints]);
+  p.curves.normals = section<Vec3>(bytes, table[kCurveNormals]);
+  p.curves.records = section<CurveRecord>(bytes, table[kCurves]);
+  p.curves.segments = section<std::uint32_t>(bytes, table[kCurveSegments]);
+  p.curves.groups = section<CurveGroup>(bytes, table[kCurveGroups]);
   p.owner = std::move(owner);
   if (const char* why = bad_content(p)) return failure(why);
   return p;
@@ -163,6 +206,12 @@ std::optional<std::string> find_bad_reference(const Part& part, const Manifest& 
     if (outside(q.material, scene.materials.size())) return "part: no such material";
     if (outside(q.light, manifest.shape_lights.size())) return "part: no such light";
     if (outside(q.alpha_texture, scene.textures.size())) return "part: no such texture";
+  }
+  for (const CurveGroup& g : part.curves.groups) {
+    if (outside(g.material, scene.materials.size())) return "part: no such material";
+    if (outside(g.light, manifest.shape_lights.size())) return "part: no such light";
+    if (outside(g.alpha_texture, scene.textures.size()) || outside(g.shadow_alpha_texture, scene.textures.size()))
+      return "part: no such texture";
   }
   for (const InstanceRecord& i : part.instances)
     if (i.prototype >= manifest.prototypes.size()) return "part: no such prototype";

@@ -1,4 +1,6 @@
 #pragma once
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -42,6 +44,63 @@ struct InstanceRecord {
   std::uint32_t first_shape = 0;  // global shape id of the prototype's local shape 0 in this instance
 };
 
+// What many curves have in common, often all hairs of a head.
+struct CurveGroup {
+  Transform object_to_world;
+  std::uint32_t kind = 0;      // CurveKind
+  std::uint32_t placed = 0;    // 0: object_to_world is the identity
+  std::uint32_t log2_segments = 0;  // at most kCurveSegmentBits: a piece has 2^this segments
+  std::uint32_t material = kNone, light = kNone, alpha_texture = kNone, shadow_alpha_texture = kNone;
+  std::uint32_t flip = 0;
+};
+
+// One cubic piece of a curve; neighbours share points.
+struct CurveRecord {
+  std::uint32_t group = 0, shape = 0;
+  std::uint32_t piece = 0;                 // of the source curve
+  std::uint32_t first_point = 0;           // of four
+  std::uint32_t first_normal = kNone;      // of two; ribbons only
+  std::array<float, 2> width{};
+};
+
+// A segment of a curve, which is what rays and the splitter see: record << kCurveSegmentBits | number in the piece.
+inline constexpr std::uint32_t kCurveSegmentBits = 3;
+
+struct CurveArrays {
+  std::span<const Vec3> points, normals;
+  std::span<const CurveRecord> records;
+  std::span<const std::uint32_t> segments;
+  std::span<const CurveGroup> groups;
+
+  const CurveRecord& record_of(std::uint32_t segment) const { return records[segments[segment] >> kCurveSegmentBits]; }
+  const CurveGroup& group_of(std::uint32_t segment) const { return groups[record_of(segment).group]; }
+  // Source primitive of a segment: numbered through the whole curve.
+  std::uint32_t source_primitive(std::uint32_t segment) const {
+    const CurveRecord& r = record_of(segment);
+    return (r.piece << groups[r.group].log2_segments) + (segments[segment] & ((1u << kCurveSegmentBits) - 1));
+  }
+  CurvePiece piece(const CurveRecord& r) const {
+    CurvePiece out;
+    out.kind = static_cast<CurveKind>(groups[r.group].kind);
+    std::copy_n(points.begin() + r.first_point, 4, out.p.begin());
+    out.width = r.width;
+    if (r.first_normal != kNone) std::copy_n(normals.begin() + r.first_normal, 2, out.n.begin());
+    return out;
+  }
+  // Where the segment begins and ends on its piece.
+  std::array<double, 2> range(std::uint32_t segment) const {
+    const double count = 1u << group_of(segment).log2_segments;
+    const double number = segments[segment] & ((1u << kCurveSegmentBits) - 1);
+    return {number / count, (number + 1) / count};
+  }
+  std::size_t size_bytes() const {
+    return points.size_bytes() + normals.size_bytes() + records.size_bytes() + segments.size_bytes() + groups.size_bytes();
+  }
+};
+
+// The point that a ray along `direction` found on a segment.
+SurfacePoint curve_point(const CurveArrays& curves, std::uint32_t segment, const Vec3& direction, float u, float v);
+
 // The geometry of one part or one prototype: arrays, nothing built. The spans point into `owner` (a mapped file or a
 // block of memory), which the part shares. Triangle indices count from the part's first vertex. positions are
 // followed by at least 16 readable bytes (Embree's rule for shared buffers).
@@ -54,6 +113,7 @@ struct Part {
   std::span<const MeshChunk> chunks;         // in the order of first_triangle
   std::span<const QuadricRecord> quadrics;
   std::span<const InstanceRecord> instances;
+  CurveArrays curves;
   std::shared_ptr<const void> owner;
 
   // The chunk that holds a triangle: a binary search.

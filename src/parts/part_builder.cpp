@@ -48,6 +48,10 @@ struct PartBuilder::Layout {
   BulkArray<MeshChunk> chunks;
   BulkArray<QuadricRecord> quadrics;
   BulkArray<InstanceRecord> instances;
+  BulkArray<Vec3> curve_points, curve_normals;
+  BulkArray<CurveRecord> curves;
+  BulkArray<std::uint32_t> curve_segments;
+  BulkArray<CurveGroup> curve_groups;
   std::array<std::span<const std::byte>, kSectionCount> data;
   std::array<SectionEntry, kSectionCount> table;
   Header header;
@@ -55,9 +59,10 @@ struct PartBuilder::Layout {
   // Calls sink(bytes) with everything behind the header, in file order.
   template <class Sink>
   void content(const Sink& sink) const {
-    sink(std::as_bytes(std::span(table)));
-    std::uint64_t at = sizeof header + sizeof table;
-    for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+    const auto used = std::as_bytes(std::span(table).first(header.section_count));
+    sink(used);
+    std::uint64_t at = sizeof header + used.size();
+    for (std::uint32_t s = 0; s < header.section_count; ++s) {
       sink(std::span(kZeros).first(static_cast<std::size_t>(table[s].offset - at)));
       if (!data[s].empty()) sink(data[s]);
       at = table[s].offset + data[s].size();
@@ -113,6 +118,35 @@ void PartBuilder::add_chunk(const MeshChunk& attributes, const ChunkData& data) 
 void PartBuilder::add_quadric(const QuadricRecord& quadric) { quadrics_.push_back(quadric); }
 void PartBuilder::add_instance(const InstanceRecord& instance) { instances_.push_back(instance); }
 
+void PartBuilder::add_curve_piece(const CurveGroup& group, const CurveRecord& record, const CurvePiece& piece,
+                                  std::span<const std::uint32_t> segments) {
+  if (segments.empty()) return;
+  CurveRecord r = record;
+  const std::string key(reinterpret_cast<const char*>(&group), sizeof group);
+  const auto [found, added] = group_of_.try_emplace(key, static_cast<std::uint32_t>(curve_groups_.size()));
+  if (added) curve_groups_.push_back(group);
+  r.group = found->second;
+  for (const Vec3& p : piece.p)
+    if (finite_or_zero(p) != p) throw std::invalid_argument("a curve is not finite");
+  // A piece that goes on where the one before ended shares that point.
+  const bool follows = curve_points_.size() > 0 && last_point_ == piece.p[0];
+  if (!follows) curve_points_.push_back(piece.p[0]);
+  r.first_point = checked_u32(curve_points_.size() - 1);
+  for (std::size_t i = 1; i < 4; ++i) curve_points_.push_back(piece.p[i]);
+  last_point_ = piece.p[3];
+  r.first_normal = kNone;
+  if (piece.kind == CurveKind::ribbon) {
+    if (curve_normals_.size() == 0 || last_normal_ != piece.n[0]) curve_normals_.push_back(finite_or_zero(piece.n[0]));
+    r.first_normal = checked_u32(curve_normals_.size() - 1);
+    curve_normals_.push_back(finite_or_zero(piece.n[1]));
+    last_normal_ = piece.n[1];
+  }
+  const std::uint32_t number = checked_u32(curves_.size());
+  if (number >> (32 - kCurveSegmentBits)) throw std::length_error("a part holds at most 2^29 curve pieces");
+  curves_.push_back(r);
+  for (const std::uint32_t s : segments) curve_segments_.push_back(number << kCurveSegmentBits | s);
+}
+
 std::uint64_t PartBuilder::predicted_bytes() const {
   using namespace loaded_bytes;
   const std::uint64_t vertices = std::min<std::uint64_t>(positions_.size(), 3 * triangles_.size());
@@ -121,7 +155,9 @@ std::uint64_t PartBuilder::predicted_bytes() const {
          vertices * kBvhTwoVertices / 2 + (positions_.size() + normals_.size()) * sizeof(Vec3) +
          uvs_.size() * sizeof(Vec2) + primitive_ids_.size() * sizeof(std::uint32_t) +
          chunks_.size() * sizeof(MeshChunk) + quadrics_.size() * kQuadric +
-         instances_.size() * kInstance;
+         instances_.size() * kInstance + bvh_base(curve_segments_.size()) + curve_segments_.size() * kCurveSegment +
+         curves_.size() * sizeof(CurveRecord) + (curve_points_.size() + curve_normals_.size()) * sizeof(Vec3) +
+         curve_groups_.size() * kCurveGroup;
 }
 
 PartBuilder::Layout PartBuilder::finish() {
@@ -133,13 +169,22 @@ PartBuilder::Layout PartBuilder::finish() {
            chunks_.finish(),
            quadrics_.finish(),
            instances_.finish(),
+           curve_points_.finish(),
+           curve_normals_.finish(),
+           curves_.finish(),
+           curve_segments_.finish(),
+           curve_groups_.finish(),
            {},
            {},
            {}};
   l.data = {raw(l.positions),     raw(l.normals), raw(l.uvs),      raw(l.triangles),
-            raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances)};
-  std::uint64_t at = sizeof l.header + sizeof l.table;
-  for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+            raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances),
+            raw(l.curve_points), raw(l.curve_normals), raw(l.curves), raw(l.curve_segments), raw(l.curve_groups)};
+  group_of_.clear();
+  for (std::uint32_t s = kBaseSections; s < kSectionCount; ++s)
+    if (!l.data[s].empty()) l.header.section_count = s + 1;
+  std::uint64_t at = sizeof l.header + l.header.section_count * sizeof(SectionEntry);
+  for (std::uint32_t s = 0; s < l.header.section_count; ++s) {
     at = align_up(at);
     l.table[s] = {s, kElementBytes[s], at, l.data[s].size() / kElementBytes[s]};
     at += l.data[s].size() + (s == kPositions ? kPadding : 0);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <map>
 #include <span>
 #include <string>
 
@@ -27,6 +28,10 @@ inline constexpr std::uint64_t kInstanceObject = 320;
 
 inline constexpr std::uint64_t kQuadric = kBvhOther + kQuadricSphere + sizeof(QuadricRecord);
 inline constexpr std::uint64_t kInstance = kBvhOther + kInstanceObject + sizeof(InstanceRecord);
+// Of one segment with its share of a piece that it has for itself (three points, the fourth is its neighbour's).
+inline constexpr std::uint64_t kCurveSegment = kBvhOther + sizeof(std::uint32_t);
+inline constexpr std::uint64_t kCurvePiece = sizeof(CurveRecord) + 3 * sizeof(Vec3);
+inline constexpr std::uint64_t kCurveGroup = sizeof(CurveGroup) + 2 * 9 * sizeof(double);  // and the tracer's inverse
 
 // What a BVH takes beside its share a primitive: nodes that are not full, blocks of the allocator.
 constexpr std::uint64_t bvh_base(std::uint64_t primitives) {
@@ -64,9 +69,13 @@ class PartBuilder {
   void add_chunk(const MeshChunk& attributes, const ChunkData& data);
   void add_quadric(const QuadricRecord& quadric);
   void add_instance(const InstanceRecord& instance);
+  // Segments of one curve: `group` is what its pieces share; of each record shape, piece and width count. `points` are
+  // four a record, `normals` two for ribbons; `segments` the numbers within the piece, in order.
+  void add_curve_piece(const CurveGroup& group, const CurveRecord& record, const CurvePiece& piece,
+                       std::span<const std::uint32_t> segments);
 
   std::uint64_t triangle_count() const { return triangles_.size(); }
-  bool empty() const { return triangles_.size() + quadrics_.size() + instances_.size() == 0; }
+  bool empty() const { return triangles_.size() + quadrics_.size() + instances_.size() + curve_segments_.size() == 0; }
   std::uint64_t predicted_bytes() const;
 
   struct File {
@@ -87,6 +96,12 @@ class PartBuilder {
   BulkWriter<MeshChunk> chunks_;
   BulkWriter<QuadricRecord> quadrics_;
   BulkWriter<InstanceRecord> instances_;
+  BulkWriter<Vec3> curve_points_, curve_normals_;
+  BulkWriter<CurveRecord> curves_;
+  BulkWriter<std::uint32_t> curve_segments_;
+  BulkWriter<CurveGroup> curve_groups_;
+  std::map<std::string, std::uint32_t> group_of_;  // by the group's bytes
+  Vec3 last_point_{}, last_normal_{};               // of the curve piece before
 };
 
 }  // namespace cloudrenderer

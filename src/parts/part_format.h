@@ -24,15 +24,22 @@ enum Section : std::uint32_t {
   kChunks,
   kQuadrics,
   kInstances,
+  kBaseSections,
+  // Sections that few parts have: a file's table ends with the last one that is not empty.
+  kCurvePoints = kBaseSections,
+  kCurveNormals,
+  kCurves,
+  kCurveSegments,
+  kCurveGroups,
   kSectionCount
 };
-inline constexpr std::array<std::uint32_t, kSectionCount> kElementBytes = {12, 12, 8,   12,
-                                                                           4,  56, 204, 136};
+inline constexpr std::array<std::uint32_t, kSectionCount> kElementBytes = {12, 12,  8,  12, 4, 56, 204,
+                                                                           136, 12, 12, 28, 4, 160};
 
 struct Header {
   std::array<char, 8> magic = kMagic;
   std::uint32_t version = kVersion;
-  std::uint32_t section_count = kSectionCount;
+  std::uint32_t section_count = kBaseSections;
   std::uint64_t file_bytes = 0;
   std::uint64_t checksum = 0;  // xxh3-64 of the file behind this header
   std::array<std::uint32_t, 8> reserved{};
@@ -47,7 +54,7 @@ static_assert(std::endian::native == std::endian::little);
 static_assert(sizeof(Header) == 64 && sizeof(SectionEntry) == 24);
 static_assert(sizeof(Vec3) == 12 && sizeof(Vec2) == 8 && sizeof(Triangle) == 12);
 static_assert(sizeof(MeshChunk) == 56 && sizeof(QuadricRecord) == 204);
-static_assert(sizeof(InstanceRecord) == 136);
+static_assert(sizeof(InstanceRecord) == 136 && sizeof(CurveRecord) == 28 && sizeof(CurveGroup) == 160);
 
 constexpr std::uint64_t align_up(std::uint64_t n) {
   return (n + kAlignment - 1) / kAlignment * kAlignment;

@@ -47,9 +47,42 @@ void PartMaker::add(std::span<Item> items, PartBuilder& to) {
       continue;
     }
     std::size_t end = i;
+    if (row.curve != kNone) {
+      while (end < items.size() && items[end].source == source) ++end;
+      add_curve(row, items.subspan(i, end - i), to);
+      i = end;
+      continue;
+    }
     while (end < items.size() && items[end].source == source && end - i < chunk_triangles_) ++end;
     add_triangles(row, items.subspan(i, end - i), to);
     i = end;
+  }
+}
+
+void PartMaker::add_curve(const ShapeRow& row, std::span<const Item> items, PartBuilder& to) {
+  const SpooledCurve& curve = view_.curves[row.curve];
+  CurveGroup group;
+  group.object_to_world = curve.object_to_world;
+  group.kind = static_cast<std::uint32_t>(curve.kind);
+  group.placed = curve.object_to_world.is_identity() ? 0 : 1;
+  group.log2_segments = curve.log2_segments;
+  group.material = row.material;
+  group.light = row.light;
+  group.alpha_texture = row.alpha_texture;
+  group.shadow_alpha_texture = row.shadow_alpha_texture;
+  group.flip = row.flip;
+  std::vector<std::uint32_t> segments;
+  for (std::size_t i = 0; i < items.size();) {
+    const std::uint32_t number = items[i].primitive >> curve.log2_segments;
+    segments.clear();
+    for (; i < items.size() && items[i].primitive >> curve.log2_segments == number; ++i)
+      segments.push_back(items[i].primitive - (number << curve.log2_segments));
+    const CurvePiece piece = view_.piece(row, number);
+    CurveRecord record;
+    record.shape = row.shape;
+    record.piece = number;
+    record.width = piece.width;
+    to.add_curve_piece(group, record, piece, segments);
   }
 }
 

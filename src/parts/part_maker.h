@@ -24,6 +24,13 @@ class PartMaker {
   void items_of(std::uint32_t row, const Sink& sink) const {
     const ShapeRow& r = view_.rows[row];
     if (r.quadric != kNone) return sink(Item{r.box, row, 0});
+    if (r.curve != kNone) {
+      for (std::uint64_t i = 0; i < r.triangle_count; ++i) {
+        Item item{{}, row, static_cast<std::uint32_t>(i)};
+        if (view_.curve_box(r, item.primitive, item.box)) sink(item);
+      }
+      return;
+    }
     const auto positions = view_.positions.subspan(static_cast<std::size_t>(r.first_vertex));
     for (std::uint64_t i = 0; i < r.triangle_count; ++i) {
       Item item{{}, row, static_cast<std::uint32_t>(i)};
@@ -35,6 +42,7 @@ class PartMaker {
   float cost(const Item& item) const;
 
  private:
+  void add_curve(const ShapeRow& row, std::span<const Item> items, PartBuilder& to);
   void add_triangles(const ShapeRow& row, std::span<const Item> items, PartBuilder& to);
   void number_vertices();
 

@@ -70,20 +70,28 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
 
   const ShapeGeometry geometry = make_geometry(shape, scene.dialect, warnings_);
   std::uint32_t added = kNone;
+  // pbrt-v3 has masks on meshes only, v4 on every shape.
+  row.alpha_texture = texture_index(shape, "alpha", scene);
+  row.shadow_alpha_texture = texture_index(shape, "shadowalpha", scene);
+  // A constant mask of 0 hides the shape altogether.
+  if (const Param* alpha = shape.params.find("alpha");
+      alpha && row.alpha_texture == kNone && alpha->reals.size() == 1 && alpha->reals[0] == 0.f)
+    return;
+  std::uint64_t dropped = 0;
   if (const auto* mesh = std::get_if<TriangleMesh>(&geometry)) {
-    row.alpha_texture = texture_index(shape, "alpha", scene);
-    row.shadow_alpha_texture = texture_index(shape, "shadowalpha", scene);
-    // A constant mask of 0 hides the shape altogether.
-    if (const Param* alpha = shape.params.find("alpha");
-        alpha && row.alpha_texture == kNone && alpha->reals.size() == 1 && alpha->reals[0] == 0.f)
-      return;
-    std::uint64_t dropped = 0;
     added = spool_.add_mesh(row, mesh->positions.view(), mesh->normals.view(), mesh->uvs.view(),
                             mesh->triangles.view(), dropped);
     if (dropped > 0)
       warnings_.add(shape.location,
                     std::to_string(dropped) +
                         " triangles have vertices that are not finite; they are left out");
+  } else if (const auto* curve = std::get_if<CurveChain>(&geometry)) {
+    added = spool_.add_curve(row, *curve, dropped);
+    if (dropped > 0) warnings_.add(shape.location, std::to_string(dropped) + " segments of the curve are not finite; they are left out");
+    if (emits && !warned_emissive_curve_) {
+      warnings_.add(shape.location, "curves that emit light are found by rays that hit them only, which is noisy");
+      warned_emissive_curve_ = true;
+    }
   } else {
     added = spool_.add_quadric(row, std::get<Quadric>(geometry));
     if (added == kNone) warnings_.add(shape.location, "the shape is not finite; it is left out");

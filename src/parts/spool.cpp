@@ -31,6 +31,11 @@ float triangle_bytes(std::size_t vertices, std::size_t triangles, bool normals, 
       std::min(3.0, shared) * (vertex + 0.5 * static_cast<double>(loaded_bytes::kBvhTwoVertices)));
 }
 
+bool fits_tracing(const Bounds3& box) {
+  const auto bounded = [](const Vec3& v) { return max_component(glm::abs(v)) <= part_format::kLargest; };
+  return !box.empty() && bounded(box.min) && bounded(box.max);
+}
+
 }  // namespace
 
 bool triangle_box(std::span<const Vec3> positions, const Triangle& t, Bounds3& box) {
@@ -56,7 +61,10 @@ Spool::Spool(const std::string& folder)
       normals_(folder),
       uvs_(folder),
       triangles_(folder),
-      quadrics_(folder) {}
+      quadrics_(folder),
+      curve_points_(folder),
+      curve_normals_(folder),
+      curves_(folder) {}
 
 std::uint32_t Spool::add_mesh(ShapeRow& row, std::span<const Vec3> positions,
                               std::span<const Vec3> normals, std::span<const Vec2> uvs,
@@ -89,10 +97,7 @@ std::uint32_t Spool::add_mesh(ShapeRow& row, std::span<const Vec3> positions,
 
 std::uint32_t Spool::add_quadric(ShapeRow& row, const Quadric& quadric) {
   row.box = grown(world_bounds(quadric));
-  const auto bounded = [](const Vec3& v) {
-    return max_component(glm::abs(v)) <= part_format::kLargest;
-  };
-  if (row.box.empty() || !bounded(row.box.min) || !bounded(row.box.max)) return kNone;
+  if (!fits_tracing(row.box)) return kNone;
   row.quadric = static_cast<std::uint32_t>(quadrics_.size());
   row.item_bytes = static_cast<float>(loaded_bytes::kQuadric);
   quadrics_.push_back(quadric);
@@ -109,6 +114,17 @@ std::uint32_t Spool::add_moved(const View& view, const ShapeRow& source, const T
   // The moved normal must be the normal of the moved shape: a mirroring turns the cross product of
   // the edges.
   row.flip = source.flip ^ (to.swaps_handedness() ? 1u : 0u);
+  if (source.curve != kNone) {
+    // Points, normals and widths stay as they are: their place in the world is another.
+    SpooledCurve curve = view.curves[source.curve];
+    curve.object_to_world = to * curve.object_to_world;
+    row.curve = static_cast<std::uint32_t>(curves_.size());
+    row.box = grown(source.box.transformed(to));
+    if (!fits_tracing(row.box)) return kNone;
+    curves_.push_back(curve);
+    rows_.push_back(row);
+    return static_cast<std::uint32_t>(rows_.size() - 1);
+  }
   if (source.quadric != kNone) {
     Quadric q = view.quadrics[source.quadric];
     q.object_to_world = to * q.object_to_world;
@@ -138,9 +154,71 @@ std::uint32_t Spool::add_moved(const View& view, const ShapeRow& source, const T
   return static_cast<std::uint32_t>(rows_.size() - 1);
 }
 
+std::uint32_t Spool::add_curve(ShapeRow& row, const CurveChain& curve, std::uint64_t& dropped) {
+  const std::uint64_t pieces = curve.pieces(), segments = pieces << curve.log2_segments;
+  row.curve = static_cast<std::uint32_t>(curves_.size());
+  row.first_vertex = curve_points_.size();
+  row.vertex_count = curve.points.size();
+  row.first_normal = curve.normals.empty() ? ShapeRow::kNoArray : curve_normals_.size();
+  row.first_triangle = 0;
+  row.triangle_count = segments;
+  // Groups are shared by many curves as a rule.
+  const std::uint64_t own = loaded_bytes::kCurvePiece + (curve.normals.empty() ? 0 : sizeof(Vec3));
+  row.item_bytes = static_cast<float>(loaded_bytes::kCurveSegment) +
+                   static_cast<float>(own) / static_cast<float>(1u << curve.log2_segments);
+  const SpooledCurve spooled{curve.object_to_world, curve.kind, curve.log2_segments, {curve.width[0], curve.width[1]}};
+  row.box = {};
+  View view;  // of this curve alone
+  ShapeRow own_row = row;
+  own_row.curve = 0;
+  own_row.first_vertex = 0;
+  if (!curve.normals.empty()) own_row.first_normal = 0;
+  view.curve_points = curve.points.view();
+  view.curve_normals = curve.normals.view();
+  view.curves = {&spooled, 1};
+  for (std::uint64_t i = 0; i < segments; ++i) {
+    Bounds3 box;
+    if (view.curve_box(own_row, static_cast<std::uint32_t>(i), box))
+      row.box.extend(box);
+    else
+      ++dropped;
+  }
+  if (segments >= kNone || row.box.empty()) return kNone;
+  curve_points_.append(curve.points.view());
+  curve_normals_.append(curve.normals.view());
+  curves_.push_back(spooled);
+  rows_.push_back(row);
+  return static_cast<std::uint32_t>(rows_.size() - 1);
+}
+
+CurvePiece Spool::View::piece(const ShapeRow& row, std::uint64_t number) const {
+  const SpooledCurve& curve = curves[row.curve];
+  const auto count = static_cast<float>((row.vertex_count - 1) / 3);
+  CurvePiece out;
+  out.kind = curve.kind;
+  std::copy_n(curve_points.begin() + static_cast<std::ptrdiff_t>(row.first_vertex + 3 * number), 4, out.p.begin());
+  for (std::size_t i = 0; i < 2; ++i) {
+    const float w = static_cast<float>(number + i) / count;
+    out.width[i] = (1.f - w) * curve.width[0] + w * curve.width[1];
+  }
+  if (row.first_normal != ShapeRow::kNoArray)
+    std::copy_n(curve_normals.begin() + static_cast<std::ptrdiff_t>(row.first_normal + number), 2, out.n.begin());
+  return out;
+}
+
+bool Spool::View::curve_box(const ShapeRow& row, std::uint32_t segment, Bounds3& box) const {
+  const SpooledCurve& curve = curves[row.curve];
+  const std::uint32_t count = 1u << curve.log2_segments, number = segment & (count - 1);
+  const double step = 1.0 / count;
+  box = object_bounds(piece(row, segment >> curve.log2_segments), number * step, (number + 1) * step);
+  if (!curve.object_to_world.is_identity()) box = box.transformed(curve.object_to_world);
+  box = grown(box);
+  return fits_tracing(box);
+}
+
 Spool::View Spool::map() {
-  return {rows_.map(), positions_.map(), normals_.map(),
-          uvs_.map(),  triangles_.map(), quadrics_.map()};
+  return {rows_.map(),     positions_.map(),    normals_.map(),       uvs_.map(),   triangles_.map(),
+          quadrics_.map(), curve_points_.map(), curve_normals_.map(), curves_.map()};
 }
 
 }  // namespace cloudrenderer

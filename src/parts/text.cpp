@@ -35,6 +35,7 @@ class PartText {
   void write(const Part& part) {
     for (const MeshChunk& c : part.chunks) mesh(part, c);
     for (const QuadricRecord& q : part.quadrics) quadric(q);
+    curves(part.curves);
     for (const InstanceRecord& i : part.instances) {
       out_ << "AttributeBegin\n";
       write_transform(out_, i.to_world);
@@ -149,7 +150,30 @@ class PartText {
         break;
     }
     if (q.phi_max < 2 * kPi) real("phimax", q.phi_max * (180.f / kPi));
+    texture("alpha", record.alpha_texture);
     out_ << "AttributeEnd\n";
+  }
+  // Segments of a piece that follow each other as one curve.
+  void curves(const CurveArrays& all) {
+    for (std::uint32_t i = 0, end = 0; i < all.segments.size(); i = end) {
+      for (end = i + 1; end < all.segments.size() && all.segments[end] == all.segments[end - 1] + 1 &&
+                        &all.record_of(end) == &all.record_of(i);)
+        ++end;
+      const CurveRecord& record = all.record_of(i);
+      const CurveGroup& group = all.groups[record.group];
+      const CurvePiece piece = part_of(all.piece(record), all.range(i)[0], all.range(end - 1)[1]);
+      begin_shape(group.material, group.light, (group.flip != 0) != group.object_to_world.swaps_handedness());
+      if (group.placed) write_transform(out_, group.object_to_world);
+      const char* const names[] = {"flat", "cylinder", "ribbon"};
+      out_ << "Shape \"curve\"\n  \"string type\" [ \"" << names[group.kind] << "\" ]\n";
+      array<Vec3>("point P", piece.p);
+      real("width0", piece.width[0]);
+      real("width1", piece.width[1]);
+      if (piece.kind == CurveKind::ribbon) array<Vec3>("normal N", piece.n);
+      texture("alpha", group.alpha_texture);
+      texture("shadowalpha", group.shadow_alpha_texture);
+      out_ << "AttributeEnd\n";
+    }
   }
   void z_range(const Quadric& q) {
     real("zmin", q.z_min);

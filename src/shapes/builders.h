@@ -8,6 +8,9 @@ ShapeGeometry make_trianglemesh(const ShapeDesc& shape, Dialect dialect, Warning
 ShapeGeometry make_plymesh(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_loopsubdiv(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_heightfield(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
+ShapeGeometry make_nurbs(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
+ShapeGeometry make_bilinearmesh(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
+ShapeGeometry make_curve(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_sphere(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_cylinder(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);
 ShapeGeometry make_disk(const ShapeDesc& shape, Dialect dialect, Warnings& warnings);

@@ -15,12 +15,15 @@ struct ShapeKind {
 
 // clang-format off
 constexpr ShapeKind kShapes[] = {
+    {"bilinearmesh", make_bilinearmesh},
     {"cone", make_cone},
+    {"curve", make_curve},
     {"cylinder", make_cylinder},
     {"disk", make_disk},
     {"heightfield", make_heightfield},
     {"hyperboloid", make_hyperboloid},
     {"loopsubdiv", make_loopsubdiv},
+    {"nurbs", make_nurbs},
     {"paraboloid", make_paraboloid},
     {"plymesh", make_plymesh},
     {"sphere", make_sphere},

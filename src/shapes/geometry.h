@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "cloudrenderer/math.h"
 #include "scene/description.h"
+#include "shapes/curve.h"
 
 namespace cloudrenderer {
 
@@ -37,7 +38,7 @@ struct Quadric {
                               // in double
 };
 
-using ShapeGeometry = std::variant<TriangleMesh, Quadric>;
+using ShapeGeometry = std::variant<TriangleMesh, Quadric, CurveChain>;
 
 // Builds the geometry of a shape. Throws SceneError for parameters that make no shape; degenerate
 // triangles are kept (Embree never reports them), and an unknown or unsupported kind is a warning

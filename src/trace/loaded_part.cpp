@@ -6,6 +6,8 @@
 
 #include "parts/part_builder.h"
 #include "shapes/geometry.h"
+#include "shapes/surface.h"
+#include "trace/user_geometry.h"
 
 namespace cloudrenderer {
 
@@ -28,49 +30,17 @@ void quadric_bounds(const RTCBoundsFunctionArguments* args) {
   *args->bounds_o = {b.min.x, b.min.y, b.min.z, 0, b.max.x, b.max.y, b.max.z, 0};
 }
 
-struct LaneRay {
-  Vec3 origin, direction;
-  float t_near, t_far;
-};
-LaneRay lane_ray(RTCRayN* ray, unsigned n, unsigned i) {
-  return {{RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)},
-          {RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i), RTCRayN_dir_z(ray, n, i)},
-          RTCRayN_tnear(ray, n, i),
-          RTCRayN_tfar(ray, n, i)};
-}
-
 void quadric_intersect(const RTCIntersectFunctionNArguments* args) {
   const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
   const Quadric& q = self->part().quadrics[args->primID].quadric;
   RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
-  RTCHitN* hits = RTCRayHitN_HitN(args->rayhit, args->N);
   for (unsigned i = 0; i < args->N; ++i) {
     if (!args->valid[i]) continue;
     const LaneRay r = lane_ray(rays, args->N, i);
     if (self->surely_misses(args->primID, r.origin, r.direction, r.t_far)) continue;
     QuadricHit found;
     if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
-    RTCHit hit{};
-    hit.geomID = args->geomID;
-    hit.primID = args->primID;
-    hit.instID[0] = args->context->instID[0];
-    // The filter decides about ties and alpha; it wants the candidate's distance in the ray.
-    RTCRayN_tfar(rays, args->N, i) = found.t;
-    int valid = -1;
-    if (args->N == 1) {
-      RTCFilterFunctionNArguments f{&valid, args->geometryUserPtr, args->context, rays, reinterpret_cast<RTCHitN*>(&hit), 1};
-      intersect_filter(&f);
-    } else {
-      RTCRay single = rtcGetRayFromRayN(rays, args->N, i);
-      RTCFilterFunctionNArguments f{&valid, args->geometryUserPtr, args->context, reinterpret_cast<RTCRayN*>(&single),
-                                    reinterpret_cast<RTCHitN*>(&hit), 1};
-      intersect_filter(&f);
-      if (valid) RTCRayN_tfar(rays, args->N, i) = single.tfar;
-    }
-    if (valid)
-      rtcCopyHitToHitN(hits, &hit, args->N, i);
-    else
-      RTCRayN_tfar(rays, args->N, i) = r.t_far;
+    offer_hit(args, i, r, found.t, 0, 0);
   }
 }
 
@@ -151,11 +121,14 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
     : device_(std::move(device)), alpha_(alpha), part_(std::move(part)), prototypes_(std::move(prototypes)) {
   const auto masked = [](const auto& x) { return x.alpha_texture != kNone; };
   has_alpha_ = alpha_ && (std::ranges::any_of(part_.chunks, masked) || std::ranges::any_of(part_.quadrics, masked) ||
+                          std::ranges::any_of(part_.curves.groups, masked) ||
+                          std::ranges::any_of(part_.curves.groups, [](const CurveGroup& g) { return g.shadow_alpha_texture != kNone; }) ||
                           std::ranges::any_of(part_.chunks, [](const MeshChunk& c) { return c.shadow_alpha_texture != kNone; }));
   shared_bytes_ = part_.positions.size_bytes() + part_.normals.size_bytes() + part_.uvs.size_bytes() +
                   part_.triangles.size_bytes() + part_.primitive_ids.size_bytes() + part_.chunks.size_bytes() +
                   part_.quadrics.size_bytes() + part_.instances.size_bytes() + loaded_bytes::kSceneObject +
-                  part_.quadrics.size() * sizeof(BoundingSphere) +
+                  part_.quadrics.size() * sizeof(BoundingSphere) + part_.curves.size_bytes() +
+                  part_.curves.groups.size() * sizeof(glm::dmat3) +
                   part_.instances.size() * loaded_bytes::kInstanceObject;
   const std::uint64_t before = device_->bytes();
   device_->add_shared(static_cast<std::int64_t>(shared_bytes_));
@@ -163,12 +136,14 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
   rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST |
                                      (has_alpha_ ? RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION : RTC_SCENE_FLAG_NONE));
   // Embree builds a mesh fast only on its own, below a tree of meshes: with other shapes beside it that is no gain.
-  if (form == BvhForm::passing && part_.quadrics.empty() && part_.instances.empty()) quality_ = RTC_BUILD_QUALITY_LOW;
+  if (form == BvhForm::passing && part_.quadrics.empty() && part_.instances.empty() && part_.curves.segments.empty())
+    quality_ = RTC_BUILD_QUALITY_LOW;
   rtcSetSceneBuildQuality(scene_.get(), quality_);
   add_triangles();
   add_quadrics();
+  add_curves();
   add_instances();
-  few_quadrics_ = part_.triangles.empty() && part_.instances.empty() && part_.quadrics.size() <= 4;
+  few_quadrics_ = part_.triangles.empty() && part_.instances.empty() && part_.curves.segments.empty() && part_.quadrics.size() <= 4;
   rtcCommitScene(scene_.get());
   device_->check("build");
   const std::uint64_t after = device_->bytes();
@@ -250,6 +225,9 @@ void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t insta
     const MeshChunk& chunk = part_.chunk_of(index);
     shape = chunk.shape;
     primitive = part_.source_primitive(chunk, index);
+  } else if (geometry == kCurves) {
+    shape = part_.curves.record_of(index).shape;
+    primitive = part_.curves.source_primitive(index);
   } else {
     shape = part_.quadrics[index].shape;
     primitive = 0;
@@ -274,6 +252,7 @@ bool LoadedPart::opaque(unsigned geometry, std::uint32_t index, float u, float v
     const Vec3 p = (1.f - u - v) * part_.positions[tri.x] + u * part_.positions[tri.y] + v * part_.positions[tri.z];
     return alpha_(texture, uv, p) != 0.f;
   }
+  if (geometry == kCurves) return curve_is_opaque(index, u, v, direction, shadow);
   const QuadricRecord& q = part_.quadrics[index];
   if (q.alpha_texture == kNone) return true;
   const SurfacePoint s = surface_point(q.quadric, q.flip != 0, origin, direction, t);

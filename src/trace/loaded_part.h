@@ -8,8 +8,8 @@
 
 namespace cloudrenderer {
 
-// Geometry numbers in every scene: triangles, then quadrics, then one for each instance.
-inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kFirstInstance = 2;
+// Geometry numbers in every scene: triangles, quadrics, curves, then one for each instance.
+inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = 2, kFirstInstance = 3;
 
 class LoadedPart {
  public:
@@ -26,6 +26,10 @@ class LoadedPart {
   RTCScene scene() const { return scene_.get(); }
   std::uint64_t bytes() const { return bytes_; }
   bool has_alpha() const { return has_alpha_; }
+  // Curves (curves.cpp): a segment's hit, in the space of the part; its box.
+  bool intersect_curve(std::uint32_t segment, const Vec3& origin, const Vec3& direction, float t_min, float t_max,
+                       CurveHit& hit) const;
+  Bounds3 curve_bounds(std::uint32_t segment) const;
   // True if the ray surely misses the quadric between 0 and t_far: a test in float against a sphere around it, before
   // the exact one in double.
   // F: one ray, or eight in lanes.
@@ -52,6 +56,8 @@ class LoadedPart {
  private:
   void add_triangles();
   void add_quadrics();
+  void add_curves();
+  bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow) const;
   void add_instances();
 
   std::shared_ptr<Device> device_;
@@ -65,6 +71,7 @@ class LoadedPart {
     float radius;
   };
   std::vector<BoundingSphere> around_;  // of each quadric
+  std::vector<glm::dmat3> curve_to_object_;  // of each group of curves
   std::uint64_t shared_bytes_ = 0;  // arrays and objects that Embree's memory monitor does not see
   std::uint64_t bytes_ = 0;
   SceneHandle scene_;
