@@ -6,6 +6,7 @@
 
 #include "cli/commands.h"
 #include "cli/size.h"
+#include "scene/language.h"
 #include "shading/lights.h"
 #include "shading/material.h"
 #include "shading/media.h"
@@ -47,8 +48,8 @@ void print_counts(const char* what, const Counts& counts) {
   fmt::print("{:<12}{}{}\n", what, total, kinds.empty() ? "" : " (" + kinds + ")");
 }
 
-void print_description(const SceneDescription& scene, Warnings& warnings) {
-  fmt::print("{:<12}{}\n", "dialect", scene.dialect == Dialect::v2 ? "pbrt-v2" : "pbrt-v3");
+void print_description(const SceneDescription& scene, Dialect dialect, Warnings& warnings) {
+  fmt::print("{:<12}{}\n", "dialect", dialect_name(dialect));
   fmt::print("{:<12}{}\n", "camera", scene.camera.type);
   const JobSettings job = job_settings(scene, {}, warnings);
   const FilmFrame& f = job.film.frame;
@@ -64,6 +65,17 @@ void print_description(const SceneDescription& scene, Warnings& warnings) {
   if (!scene.media.empty()) print_counts("media", count_types(scene.media));
 }
 
+// Every directive and type of the scene with its number and state; see docs/language.md.
+void print_use(const LanguageUse& use) {
+  fmt::print("language\n");
+  for (const LanguageUse::Line& line : use.lines()) {
+    fmt::print("  {:<34}{:>8}  {}{}{}\n", line.what, line.count, state_word(line.state),
+               line.note.empty() ? "" : ": ", line.note);
+    for (const LanguageUse::Line::Parameter& p : line.params)
+      fmt::print("    {:<32}{:>8}  {}\n", p.name, p.count, p.state);
+  }
+}
+
 // What hosts would find wrong, or not have, when they build materials and lights.
 void check(const SceneDescription& scene, Warnings& warnings) {
   Shading::check(scene, warnings);
@@ -75,7 +87,7 @@ int info_of_split(const std::string& folder) {
   const Manifest m = open_split(folder);
   Warnings warnings;
   fmt::print("{:<12}{} (split of {})\n", "scene", folder, m.scene.source);
-  print_description(m.scene, warnings);
+  print_description(m.scene, m.scene.dialect, warnings);
   std::uint64_t bytes = 0, largest = 0;
   for (const PartInfo& p : m.parts) {
     bytes += p.loaded_bytes;
@@ -105,13 +117,16 @@ int info_of_scene(const InfoOptions& options) {
   CountingSink sink;
   ParseOptions parse;
   parse.dialect = options.dialect;
+  LanguageUse use;
+  parse.use = &use;
   const SceneDescription scene = parse_scene(options.scene, parse, sink, warnings);
   fmt::print("{:<12}{}\n", "scene", options.scene);
-  print_description(scene, warnings);
+  print_description(scene, use.dialect(), warnings);
   fmt::print("{:<12}{}\n", "emissive", sink.emissive);
   print_counts("shapes", sink.shapes);
   check(scene, warnings);
   fmt::print("{:<12}{} instances of {} objects\n", "instancing", sink.instances, sink.objects);
+  print_use(use);
   fmt::print("{:<12}{}\n", "warnings", warnings.list().size());
   print_warnings(warnings.list());
   return kDone;
@@ -120,6 +135,10 @@ int info_of_scene(const InfoOptions& options) {
 }  // namespace
 
 int run_info(const InfoOptions& options) {
+  if (options.language) {
+    fmt::print("{}", language_page());
+    return kDone;
+  }
   if (!std::filesystem::exists(options.scene))
     throw SceneError({}, options.scene + ": there is no such file");
   return is_split_folder(options.scene) ? info_of_split(options.scene) : info_of_scene(options);

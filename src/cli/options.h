@@ -42,6 +42,7 @@ struct CompareOptions {
 
 struct InfoOptions {
   std::string scene;
+  bool language = false;  // print docs/language.md instead
   std::optional<Dialect> dialect;
 };
 

@@ -56,15 +56,15 @@ void add_log(CLI::App& app, LogOptions& log) {
 
 void add_split(CLI::App& app, Texts& t) {
   app.add_option("--part-size", t.part_size, "memory of a loaded part at most (default 64MiB)");
-  app.add_option("--dialect", t.dialect, "read the scene as pbrt v2 or v3, whatever it looks like");
+  app.add_option("--dialect", t.dialect, "read the scene as pbrt v2, v3 or v4, whatever it looks like");
 }
 
 void read_split(const Texts& t, SplitOptions& o) {
   if (!t.part_size.empty()) o.part_size = size_option("--part-size", t.part_size);
   if (!t.dialect.empty()) {
-    if (t.dialect != "v2" && t.dialect != "v3")
-      throw UsageError("--dialect is v2 or v3, got '" + t.dialect + "'");
-    o.dialect = t.dialect == "v2" ? Dialect::v2 : Dialect::v3;
+    if (t.dialect != "v2" && t.dialect != "v3" && t.dialect != "v4")
+      throw UsageError("--dialect is v2, v3 or v4, got '" + t.dialect + "'");
+    o.dialect = t.dialect == "v2" ? Dialect::v2 : t.dialect == "v3" ? Dialect::v3 : Dialect::v4;
   }
 }
 
@@ -227,8 +227,10 @@ Command parse_command_line(int argc, const char* const* argv) {
   InfoOptions info;
   CLI::App& info_app =
       *app.add_subcommand("info", "what is in a scene or a split, and what is not supported");
-  info_app.add_option("scene", info.scene, "a .pbrt file or a folder made by split")->required();
-  info_app.add_option("--dialect", t.dialect, "read the scene as pbrt v2 or v3");
+  info_app.add_option("scene", info.scene, "a .pbrt file or a folder made by split");
+  info_app.add_option("--dialect", t.dialect, "read the scene as pbrt v2, v3 or v4");
+  info_app.add_flag("--language", info.language,
+                    "print what is read of the scene language instead (docs/language.md)");
 
   if (argc > 1 && argv[1][0] != '-' &&
       app.get_subcommands([&](CLI::App* a) { return a->get_name() == argv[1]; }).empty())
@@ -295,6 +297,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   SplitOptions dialect;
   read_split(t, dialect);
   info.dialect = dialect.dialect;
+  if (info.scene.empty() && !info.language) throw UsageError("info: scene is required");
   return info;
 }
 

@@ -75,6 +75,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   }
 
   const std::uint32_t own_spp = samples_per_pixel(scene.sampler, scene.dialect, warnings);
+  scene.sampler.params.report_unused("Sampler \"" + scene.sampler.type + "\"", warnings);
   job.spp = overrides.spp.value_or(own_spp);
   job.seed = overrides.seed;
   if (scene.sampler.type == "random") job.sequence = SampleSequence::Kind::independent;
@@ -120,6 +121,8 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   } else {
     throw SceneError(source->location, "integrator \"" + type + "\" is not supported; known are path, volpath, directlighting, whitted, ambientocclusion");
   }
+  if (!overrides.integrator && source == &scene.integrator)
+    source->params.report_unused((v2 ? "SurfaceIntegrator \"" : "Integrator \"") + scene.integrator.type + "\"", warnings);
   // One unit of the film is 2^-30 of a contribution of one; a film scale far from one moves that along.
   const float scale = job.film.scale > 0 && std::isfinite(job.film.scale) ? job.film.scale : 1.f;
   job.k = std::clamp(30 + std::ilogb(scale), 0, 50);

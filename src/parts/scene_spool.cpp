@@ -97,6 +97,7 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
     if (added == kNone) warnings_.add(shape.location, "the shape is not finite; it is left out");
   }
   if (added == kNone) return;
+  shape.params.report_unused("Shape \"" + shape.type + "\"", warnings_, &warned_parameters_);
   if (emits) shape_lights_.push_back(shape.area_light);
   if (owner) add_row(*owner, added, row);
 }

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -66,6 +67,7 @@ class SceneSpool : public SceneSink {
   ObjectId open_;
   std::uint32_t next_shape_ = 0;
   bool warned_emissive_object_ = false, warned_emissive_curve_ = false;
+  std::set<std::string> warned_parameters_;
 };
 
 }  // namespace cloudrenderer

@@ -9,8 +9,9 @@
 
 namespace cloudrenderer {
 
-// pbrt-v2 and pbrt-v3 use the same names for different models; see "What pbrt means".
-enum class Dialect : std::uint8_t { v2, v3 };
+// pbrt-v2 and pbrt-v3 use the same names for different models; see "What pbrt means". v4 is a
+// spelling only: what is read from it is described in v3's words.
+enum class Dialect : std::uint8_t { v2, v3, v4 };
 
 // A directive with its type name and parameters: `Camera "perspective" ...`.
 struct Entity {
@@ -58,7 +59,7 @@ struct LightDesc : Entity {
 // what every host gets. Relative file names in parameters have been made absolute by the parser (or
 // relative to the split folder).
 struct SceneDescription {
-  Dialect dialect = Dialect::v2;
+  Dialect dialect = Dialect::v2;  // v2 or v3
   std::string source;  // the file name as given
   CameraDesc camera;
   Entity film, sampler, filter,
@@ -104,8 +105,11 @@ class SceneSink {
   virtual void instance(const InstanceDesc& instance, const SceneDescription& scene) = 0;
 };
 
+class LanguageUse;
+
 struct ParseOptions {
   std::optional<Dialect> dialect;  // forced by --dialect
+  LanguageUse* use = nullptr;      // counts what the scene uses
 };
 
 // Reads a .pbrt file (v2 or v3 spelling, gzip allowed) with its includes. Throws SceneError for

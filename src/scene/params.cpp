@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "scene/language.h"
+
 namespace cloudrenderer {
 
 const char* type_word(ParamType type) {
@@ -165,11 +167,14 @@ BulkArray<std::int32_t> ParamSet::integers(std::string_view name) const {
   return p->integers;
 }
 
-void ParamSet::report_unused(std::string_view owner, Warnings& warnings) const {
-  for (const Param& p : params_)
-    if (!p.used)
-      warnings.add(p.location,
-                   std::string(owner) + " has no parameter \"" + p.name + "\": ignored");
+void ParamSet::report_unused(std::string_view owner, Warnings& warnings,
+                             std::set<std::string>* once) const {
+  for (const Param& p : params_) {
+    if (p.used) continue;
+    const std::string message = unused_message(owner, p.name);
+    if (!message.empty() && (!once || once->insert(message).second))
+      warnings.add(p.location, message);
+  }
 }
 
 }  // namespace cloudrenderer

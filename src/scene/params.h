@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -65,8 +66,10 @@ class ParamSet {
       std::string_view name) const;  // any real-valued type, flat; empty when absent
   BulkArray<std::int32_t> integers(std::string_view name) const;  // empty when absent
 
-  // Warns about each parameter that no look-up has marked. `owner` is e.g. `Shape "sphere"`.
-  void report_unused(std::string_view owner, Warnings& warnings) const;
+  // Warns about each parameter that no look-up has marked, unless the language's tables say that it
+  // is to be ignored. `owner` is e.g. `Shape "sphere"`; `once` holds what has been said before.
+  void report_unused(std::string_view owner, Warnings& warnings,
+                     std::set<std::string>* once = nullptr) const;
 
  private:
   std::vector<Param> params_;

@@ -59,10 +59,18 @@ const std::map<std::string_view, Parser::Handler>& Parser::handlers() {
   return table;
 }
 
-Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings)
+std::vector<std::string> Parser::directives() {
+  std::vector<std::string> out;
+  for (const auto& [word, handler] : handlers()) out.emplace_back(word);
+  return out;
+}
+
+Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings,
+               LanguageUse* use)
     : paths_(path),
       sink_(sink),
       warnings_(warnings),
+      use_(use),
       builder_(dialect, path, warnings),
       params_(dialect, paths_, warnings) {
   open_file(path, {});
@@ -87,6 +95,7 @@ SceneDescription Parser::parse() {
           t.kind == Token::Kind::word ? "unknown directive " : "expected a directive, found ";
       throw SceneError(location(t), what + Lexer::describe(t));
     }
+    if (use_) use_->count(t.text);
     (this->*handler->second)(t);
   }
   return std::move(builder_.scene());
@@ -266,13 +275,27 @@ Entity Parser::read_entity(const Token& directive, bool reads_files) {
   e.location = location(directive);
   e.type = read_string("a type");
   e.params = params_.read(lexer(), reads_files);
+  if (use_) count_use(directive.text, e);
   return e;
+}
+
+// What is named has its type among its parameters.
+void Parser::count_use(std::string_view directive, const Entity& e) {
+  if (directive == "MakeNamedMaterial" || directive == "MakeNamedMedium") {
+    const Param* type = e.params.find("type");
+    if (!type || type->strings.size() != 1) return;
+    use_->count(directive == "MakeNamedMaterial" ? "Material" : directive, type->strings[0],
+                e.params);
+  } else {
+    use_->count(directive, e.type, e.params);
+  }
 }
 
 SceneDescription parse_scene(const std::string& path, const ParseOptions& options, SceneSink& sink,
                              Warnings& warnings) {
   const Dialect dialect = options.dialect ? *options.dialect : detect_dialect(path);
-  return Parser(path, dialect, sink, warnings).parse();
+  if (options.use) options.use->set_dialect(dialect);
+  return Parser(path, dialect, sink, warnings, options.use).parse();
 }
 
 }  // namespace cloudrenderer

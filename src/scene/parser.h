@@ -7,6 +7,7 @@
 #include "scene/description.h"
 #include "scene/file_paths.h"
 #include "scene/graphics_state.h"
+#include "scene/language.h"
 #include "scene/lexer.h"
 #include "scene/param_reader.h"
 #include "scene/scene_builder.h"
@@ -17,7 +18,10 @@ namespace cloudrenderer {
 // hands on what they describe: geometry to the sink, everything else to the SceneBuilder. One use.
 class Parser {
  public:
-  Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings);
+  Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings,
+         LanguageUse* use = nullptr);
+  // The words that are directives, for tests of the language's tables.
+  static std::vector<std::string> directives();
   SceneDescription parse();
 
  private:
@@ -80,6 +84,7 @@ class Parser {
   DVec3 read_vector(const Token& directive);
   DMat4 read_matrix(const Token& directive);
   Entity read_entity(const Token& directive, bool reads_files = true);
+  void count_use(std::string_view directive, const Entity& e);
   Entity read_option(const Token& directive, bool reads_files);
   // Whether the directive is where pbrt wants it: inside or outside of the world; else warns, and
   // it is ignored.
@@ -98,6 +103,7 @@ class Parser {
   FilePaths paths_;
   SceneSink& sink_;
   Warnings& warnings_;
+  LanguageUse* use_;
   SceneBuilder builder_;
   ParamReader params_;
   std::vector<OpenFile> files_;

@@ -1,0 +1,28 @@
+#include "scene/language.h"
+
+namespace cloudrenderer {
+
+namespace {
+
+constexpr auto kDone = LanguageState::done;
+constexpr unsigned kV23 = kInV2 | kInV3;
+
+// clang-format off
+constexpr LanguageRow kRows[] = {
+    {"LightSource", "distant", kV23, kDone, "spectrum L, spectrum scale, point from, point to", ""},
+    {"LightSource", "exinfinite", kInV3, kDone, "spectrum L, spectrum scale, string mapname, -integer samples, -integer nsamples", "as infinite"},
+    {"LightSource", "goniometric", kV23, kDone, "spectrum I, spectrum scale, string mapname", ""},
+    {"LightSource", "infinite", kV23, kDone, "spectrum L, spectrum scale, string mapname, -integer samples@v3, -integer nsamples", "importance sampled"},
+    {"LightSource", "point", kV23, kDone, "spectrum I, spectrum scale, point from", ""},
+    {"LightSource", "projection", kV23, kDone, "spectrum I, spectrum scale, float fov, string mapname", ""},
+    {"LightSource", "spot", kV23, kDone, "spectrum I, spectrum scale, point from, point to, float coneangle, float conedeltaangle", ""},
+    {"AreaLightSource", "area", kInV2, kDone, "spectrum L, spectrum scale, -integer nsamples", "as diffuse"},
+    {"AreaLightSource", "diffuse", kV23, kDone, "spectrum L, spectrum scale, -integer nsamples, -integer samples@v3, bool twosided@v3", "shapes inside of objects do not shine"},
+};
+// clang-format on
+
+}  // namespace
+
+LanguageTable language_lights() { return kRows; }
+
+}  // namespace cloudrenderer
