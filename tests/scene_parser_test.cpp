@@ -182,7 +182,6 @@ TEST(Parser, UnsupportedThingsWarnOnce) {
 MakeNamedMedium "fog" "string type" "homogeneous"
 MediumInterface "fog" ""
 MediumInterface "fog"
-TransformTimes 0 1
 Shape "sphere"
 Volume "homogeneous" "point p0" [0 0 0])");
   EXPECT_EQ(p.sink.shapes.size(), 1u);
