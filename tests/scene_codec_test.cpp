@@ -105,6 +105,22 @@ TEST(SceneCodec, GivesBackExactlyWhatItGot) {
   EXPECT_EQ(encode(a), encode(b));
 }
 
+TEST(SceneCodec, KeepsTheCamerasMovement) {
+  SceneDescription a = sample();
+  const std::size_t still = encode(a).size();
+  a.transform_start = 2;
+  a.transform_end = 3;
+  a.camera.motion = Motion{Transform(glm::mat4(2.f)), 2, 3};
+  const auto b = decoded(encode(a));
+  ASSERT_TRUE(b) << b.error();
+  ASSERT_TRUE(b->camera.motion);
+  expect_same(a.camera.motion->end, b->camera.motion->end);
+  EXPECT_EQ(b->camera.motion->start_time, 2.f);
+  EXPECT_EQ(b->camera.motion->end_time, 3.f);
+  EXPECT_FALSE(decoded(encode(sample()))->camera.motion);
+  EXPECT_EQ(encode(sample()).size(), still);
+}
+
 TEST(SceneCodec, RejectsWhatDoesNotFit) {
   const auto fails = [](const std::function<void(proto::SceneDescription&)>& change) {
     proto::SceneDescription message;
@@ -115,6 +131,17 @@ TEST(SceneCodec, RejectsWhatDoesNotFit) {
   };
   using P = proto::SceneDescription;
   EXPECT_TRUE(fails([](P& m) { m.set_dialect(2); }));
+  EXPECT_TRUE(fails([](P& m) { m.add_transform_times(1); }));
+  EXPECT_TRUE(fails([](P& m) {
+    m.add_transform_times(1);
+    m.add_transform_times(0);
+  }));
+  EXPECT_TRUE(fails([](P& m) {
+    for (int i = 0; i < 16; ++i) {
+      m.mutable_camera()->mutable_world_to_camera_end()->add_matrix(0);
+      m.mutable_camera()->mutable_world_to_camera_end()->add_inverse(kInfinity);
+    }
+  }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_film()->mutable_location()->set_file(99); }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_film()->mutable_params(0)->set_type(11); }));
   EXPECT_TRUE(fails([](P& m) { m.mutable_film()->mutable_params(0)->add_reals(1); }));

@@ -80,12 +80,62 @@ TEST(Transforms, WorldBeginResets) {
   EXPECT_TRUE(p.sink.shapes.at(0).object_to_world.is_identity());
 }
 
-TEST(Transforms, MotionKeepsTheStart) {
-  const Transform t = shape_transform(
-      "ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 0 5 0 "
-      "ActiveTransform All "
-      "Translate 0 0 2");
-  EXPECT_EQ(t.point(Vec3(0)), Vec3(1, 0, 2));
+TEST(Transforms, BothEndsOfAMovementAreKept) {
+  const ParsedScene p = parse_text(
+      "TransformTimes 2 5 WorldBegin Scale 2 2 2 "
+      "ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 0 5 0 ActiveTransform All "
+      "Translate 0 0 2 Shape \"sphere\" "
+      "AttributeBegin ActiveTransform StartTime Identity AttributeEnd Shape \"disk\" "
+      "CoordinateSystem \"moved\" Identity Shape \"cone\" "
+      "ActiveTransform EndTime CoordSysTransform \"moved\" Shape \"cylinder\" WorldEnd");
+  EXPECT_TRUE(p.warnings.list().empty()) << joined(p.warnings);
+  ASSERT_EQ(p.sink.shapes.size(), 4u);
+  for (const std::size_t moving : {0u, 1u, 3u}) {
+    const ShapeDesc& s = p.sink.shapes[moving];
+    ASSERT_TRUE(s.motion) << moving;
+    EXPECT_EQ(s.object_to_world.point(Vec3(0)), Vec3(2, 0, 4));
+    EXPECT_EQ(s.motion->end.point(Vec3(0)), Vec3(0, 10, 4));
+    EXPECT_EQ(s.motion->start_time, 2.f);
+    EXPECT_EQ(s.motion->end_time, 5.f);
+  }
+  EXPECT_FALSE(p.sink.shapes[2].motion);
+}
+
+TEST(Transforms, EqualEndsAreNoMovement) {
+  const ParsedScene p = parse_text(
+      "WorldBegin ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 1 0 0 Shape \"sphere\" WorldEnd");
+  EXPECT_FALSE(p.sink.shapes.at(0).motion);
+}
+
+TEST(Transforms, CamerasAndInstancesMoveAndLightsDoNot) {
+  const ParsedScene p = parse_text(
+      "LookAt 0 0 -5 0 0 0 0 1 0 ActiveTransform EndTime Translate 0 0 1 ActiveTransform All Camera \"perspective\" "
+      "TransformTimes -1 1 WorldBegin ObjectBegin \"a\" Shape \"sphere\" ObjectEnd "
+      "ActiveTransform StartTime Translate 0 3 0 ActiveTransform All ObjectInstance \"a\" LightSource \"point\" "
+      "LightSource \"point\" AreaLightSource \"diffuse\" Shape \"sphere\" WorldEnd");
+  ASSERT_TRUE(p.scene.camera.motion);
+  EXPECT_EQ(p.scene.camera.world_to_camera.point(Vec3(0)), Vec3(0, 0, 5));
+  EXPECT_EQ(p.scene.camera.motion->end.point(Vec3(0)), Vec3(0, 0, 6));
+  EXPECT_EQ(p.scene.camera.motion->start_time, -1.f);  // TransformTimes may stand behind the camera
+  ASSERT_TRUE(p.sink.instances.at(0).motion);
+  EXPECT_EQ(p.sink.instances[0].instance_to_world.point(Vec3(0)), Vec3(0, 3, 0));
+  EXPECT_TRUE(p.sink.instances[0].motion->end.is_identity());
+  EXPECT_EQ(p.scene.lights.at(0).light_to_world.point(Vec3(0)), Vec3(0, 3, 0));
+  EXPECT_FALSE(p.sink.shapes.at(1).area_light);
+  ASSERT_EQ(p.warnings.list().size(), 2u) << joined(p.warnings);
+  EXPECT_NE(p.warnings.list()[0].find("a light does not move"), std::string::npos);
+  EXPECT_NE(p.warnings.list()[1].find("area lights on moving shapes do not shine"), std::string::npos);
+}
+
+TEST(Transforms, MovementsThatCannotBeStandStill) {
+  for (const char* end : {"Scale 1 0 1", "Scale -1 1 1"}) {
+    const ParsedScene p =
+        parse_text(std::string("WorldBegin ActiveTransform EndTime ") + end + " Shape \"sphere\" WorldEnd");
+    EXPECT_FALSE(p.sink.shapes.at(0).motion);
+    ASSERT_EQ(p.warnings.list().size(), 1u);
+    EXPECT_NE(p.warnings.list()[0].find("scene.pbrt:1"), std::string::npos);
+    EXPECT_NE(p.warnings.list()[0].find("it stands where it starts"), std::string::npos);
+  }
 }
 
 TEST(Transforms, SingularOnesLoseTheirShape) {

@@ -58,7 +58,7 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
     const CurveGroup& g = part.curves.group_of(hit.index);
     material = g.material;
     light = g.light;
-    p = curve_point(part.curves, hit.index, to_world ? to_world->inverse().vector(s.direction) : s.direction, hit.u, hit.v);
+    p = curve_point(part.curves, hit.index, to_world ? to_world->inverse().vector(direction) : direction, hit.u, hit.v);
   } else {
     const QuadricRecord& q = part.quadrics[hit.index];
     material = q.material;

@@ -20,10 +20,23 @@ struct Entity {
   FileLocation location;
 };
 
+// Where something that moves is at the end (ActiveTransform); its own transformation holds at and before `start_time`,
+// this one at and after `end_time` (TransformTimes). In between as AnimatedTransform says.
+struct Motion {
+  Transform end;
+  float start_time = 0, end_time = 1;
+};
+
 struct CameraDesc : Entity {
   Transform world_to_camera;
   MediumId medium;  // that it stands in (v3)
+  std::optional<Motion> motion;  // of world_to_camera; what is interpolated is its inverse
 };
+// When the camera's shutter opens and closes, in the units of TransformTimes.
+struct Shutter {
+  float open = 0, close = 1;
+};
+Shutter shutter_of(const CameraDesc& camera);
 
 // Textures have unique names: one that redefines a name in the scene gets a new one ("name#2"), and
 // parameters that refer to it carry the unique name. A texture refers only to textures before it in
@@ -62,6 +75,7 @@ struct SceneDescription {
   Dialect dialect = Dialect::v2;  // v2 or v3
   std::string source;  // the file name as given
   CameraDesc camera;
+  float transform_start = 0, transform_end = 1;  // TransformTimes: of all that moves
   Entity film, sampler, filter,
       integrator;  // types in pbrt's words; defaults of the dialect when absent
   // v2's `Renderer`, `VolumeIntegrator`, `Accelerator`, when given (only the volume integrator is more
@@ -78,6 +92,7 @@ struct SceneDescription {
 // from.
 struct ShapeDesc : Entity {
   Transform object_to_world;
+  std::optional<Motion> motion;  // of object_to_world
   bool reverse_orientation = false;
   MaterialId material;     // index into SceneDescription::materials
   AreaLightId area_light;  // none: does not emit
@@ -90,6 +105,7 @@ struct InstanceDesc {
   // inside an object carry the CTM of their place in the ObjectBegin block as object_to_world, as
   // in pbrt.)
   Transform instance_to_world;
+  std::optional<Motion> motion;  // of instance_to_world
   FileLocation location;
 };
 

@@ -125,9 +125,13 @@ void Parser::world_begin(const Token& t) {
     return;
   }
   block_ = Block::world;
-  ctm_ = DMat4(1.0);
-  transforms_active_ = true;
+  ctm_ = {};
+  active_ = Active::all;
   coordinate_systems_["world"] = ctm_;
+  if (std::optional<Motion>& moves = builder_.scene().camera.motion) {  // TransformTimes may stand behind it
+    moves->start_time = builder_.scene().transform_start;
+    moves->end_time = builder_.scene().transform_end;
+  }
 }
 
 void Parser::world_end(const Token& t) {
@@ -156,7 +160,7 @@ void Parser::attribute_begin(const Token& t) {
   if (saved_transforms_.size() >= kDeepestNesting)
     throw SceneError(location(t), "blocks are nested too deep");
   saved_states_.push_back(state_);
-  saved_transforms_.push_back({ctm_, transforms_active_});
+  saved_transforms_.push_back({ctm_, active_});
 }
 
 void Parser::attribute_end(const Token& t) {
@@ -165,8 +169,8 @@ void Parser::attribute_end(const Token& t) {
     throw SceneError(location(t), std::string(t.text) + " without AttributeBegin");
   state_ = std::move(saved_states_.back());
   saved_states_.pop_back();
-  ctm_ = saved_transforms_.back().ctm;
-  transforms_active_ = saved_transforms_.back().transforms_active;
+  ctm_ = std::move(saved_transforms_.back().ctm);
+  active_ = saved_transforms_.back().active;
   saved_transforms_.pop_back();
 }
 
@@ -174,15 +178,15 @@ void Parser::transform_begin(const Token& t) {
   if (!in_world(t)) return;
   if (saved_transforms_.size() >= kDeepestNesting)
     throw SceneError(location(t), "blocks are nested too deep");
-  saved_transforms_.push_back({ctm_, transforms_active_});
+  saved_transforms_.push_back({ctm_, active_});
 }
 
 void Parser::transform_end(const Token& t) {
   if (!in_world(t)) return;
   if (saved_transforms_.empty())
     throw SceneError(location(t), "TransformEnd without TransformBegin");
-  ctm_ = saved_transforms_.back().ctm;
-  transforms_active_ = saved_transforms_.back().transforms_active;
+  ctm_ = std::move(saved_transforms_.back().ctm);
+  active_ = saved_transforms_.back().active;
   saved_transforms_.pop_back();
 }
 
@@ -236,12 +240,13 @@ void Parser::object_instance(const Token& t) {
     return;
   }
   instance.object = found->second;
-  instance.instance_to_world = to_transform(ctm_);
+  instance.instance_to_world = to_transform(ctm_.start);
   if (!instance.instance_to_world.is_invertible()) {
     builder_.warn_once(instance.location,
                        "the transformation of the instance cannot be inverted: ignored");
     return;
   }
+  instance.motion = motion(instance.location, "instance");
   sink_.instance(instance, builder_.scene());
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -76,6 +77,11 @@ class Parser {
   void active_transform(const Token& t);
   void transform_times(const Token& t);
   void apply(const Token& t, const DMat4& m, bool replaces);
+  void apply(const Token& t, const DMat4& m, bool replaces, DMat4& to);
+  // The movement of what is described now; none where it stands still, or (with a warning) where it cannot move.
+  std::optional<Motion> motion(const FileLocation& where, const char* what);
+  // What pbrt does not move stands where it starts.
+  void stands_still(const FileLocation& where, const char* what);
 
   Lexer& lexer() { return files_.back().lexer; }
   FileLocation location(const Token& t) { return lexer().location(t); }
@@ -95,9 +101,16 @@ class Parser {
     std::string path;  // without links, to see an endless include
     Lexer lexer;
   };
+  // The current transformation matrix; a second one only where something moves.
+  struct Ctm {
+    DMat4 start{1.0};
+    std::optional<DMat4> end;
+    Ctm inverse() const;
+  };
+  enum class Active : std::uint8_t { all, start, end };  // which of the two directives change
   struct SavedTransform {
-    DMat4 ctm;
-    bool transforms_active;
+    Ctm ctm;
+    Active active;
   };
 
   FilePaths paths_;
@@ -110,12 +123,12 @@ class Parser {
 
   enum class Block { options, world, done };
   Block block_ = Block::options;
-  DMat4 ctm_{1.0};
-  bool transforms_active_ = true;  // false between `ActiveTransform EndTime` and the next one
+  Ctm ctm_;
+  Active active_ = Active::all;
   GraphicsState state_;
   std::vector<GraphicsState> saved_states_;
   std::vector<SavedTransform> saved_transforms_;
-  std::map<std::string, DMat4> coordinate_systems_;
+  std::map<std::string, Ctm> coordinate_systems_;
   std::map<std::string, ObjectId> objects_;
   std::uint32_t object_count_ = 0;
   ObjectId open_object_;

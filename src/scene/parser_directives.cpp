@@ -14,11 +14,12 @@ void Parser::camera(const Token& t) {
   CameraDesc camera;
   static_cast<Entity&>(camera) = read_option(t, true);
   if (!in_options(t)) return;
-  camera.world_to_camera = to_transform(ctm_);
+  camera.world_to_camera = to_transform(ctm_.start);
   if (!camera.world_to_camera.is_invertible())
     throw SceneError(camera.location, "the transformation of the camera cannot be inverted");
   camera.medium = state_.outside;
-  coordinate_systems_["camera"] = glm::inverse(ctm_);
+  camera.motion = motion(camera.location, "camera");
+  coordinate_systems_["camera"] = ctm_.inverse();
   builder_.scene().camera = std::move(camera);
 }
 
@@ -59,7 +60,9 @@ void Parser::accelerator(const Token& t) {
 
 void Parser::light_source(const Token& t) {
   Entity e = read_entity(t);
-  if (in_world(t)) builder_.add_light(state_, std::move(e), ctm_);
+  if (!in_world(t)) return;
+  stands_still(e.location, "light");
+  builder_.add_light(state_, std::move(e), ctm_.start);
 }
 
 void Parser::area_light_source(const Token& t) {
@@ -73,7 +76,7 @@ void Parser::area_light_source(const Token& t) {
 void Parser::material(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
-  state_.material = builder_.make_material(state_, std::move(e), ctm_, false);
+  state_.material = builder_.make_material(state_, std::move(e), ctm_.start, false);
   state_.material_name.clear();
 }
 
@@ -88,7 +91,7 @@ void Parser::make_named_material(const Token& t) {
   for (const Param& p : e.params.all())
     if (p.name != "type") others.add(p);
   e.params = std::move(others);
-  state_.named_materials.set(name, builder_.make_material(state_, std::move(e), ctm_, true));
+  state_.named_materials.set(name, builder_.make_material(state_, std::move(e), ctm_.start, true));
 }
 
 void Parser::named_material(const Token& t) {
@@ -113,19 +116,21 @@ void Parser::texture(const Token& t) {
   if (type != "float" && type != "spectrum" && type != "color")
     throw SceneError(location(kind),
                      "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"");
-  builder_.add_texture(state_, name, type == "float", std::move(e), ctm_);
+  stands_still(e.location, "texture");
+  builder_.add_texture(state_, name, type == "float", std::move(e), ctm_.start);
 }
 
 void Parser::shape(const Token& t) {
   ShapeDesc shape;
   static_cast<Entity&>(shape) = read_entity(t);
   if (!in_world(t)) return;
-  shape.object_to_world = to_transform(ctm_);
+  shape.object_to_world = to_transform(ctm_.start);
   if (!shape.object_to_world.is_invertible()) {
     builder_.warn_once(shape.location,
                        "the transformation of the shape cannot be inverted: ignored");
     return;
   }
+  shape.motion = motion(shape.location, "shape");
   shape.reverse_orientation = state_.reverse_orientation;
   shape.object = open_object_;
   builder_.finish_shape(state_, shape);
@@ -141,7 +146,7 @@ void Parser::make_named_medium(const Token& t) {
     if (p.name != "type") others.add(p);
   e.params = std::move(others);
   e.params = builder_.resolve_textures(state_, e, std::nullopt);
-  builder_.add_named_medium(name, std::move(e), ctm_);
+  builder_.add_named_medium(name, std::move(e), ctm_.start);
 }
 
 void Parser::medium_interface(const Token& t) {
@@ -157,7 +162,7 @@ void Parser::volume(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
   e.params = builder_.resolve_textures(state_, e, std::nullopt);
-  builder_.add_volume(std::move(e), ctm_);
+  builder_.add_volume(std::move(e), ctm_.start);
 }
 
 void Parser::reverse_orientation(const Token& t) {

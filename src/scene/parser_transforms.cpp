@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/animated_transform.h"
 #include "scene/parser.h"
 
 namespace cloudrenderer {
@@ -11,13 +12,44 @@ void Parser::apply(const Token& t, const DMat4& m, bool replaces) {
     for (int r = 0; r < 4; ++r)
       if (!(std::fabs(m[c][r]) <= static_cast<double>(std::numeric_limits<float>::max())))
         throw SceneError(location(t), std::string(t.text) + " has a number that is too large");
-  if (!transforms_active_) return;
-  const DMat4 next = replaces ? m : ctm_ * m;
+  if (active_ != Active::all && !ctm_.end) ctm_.end = ctm_.start;
+  if (active_ != Active::end) apply(t, m, replaces, ctm_.start);
+  if (!ctm_.end) return;
+  if (active_ != Active::start) apply(t, m, replaces, *ctm_.end);
+  if (*ctm_.end == ctm_.start) ctm_.end.reset();
+}
+
+void Parser::apply(const Token& t, const DMat4& m, bool replaces, DMat4& to) {
+  const DMat4 next = replaces ? m : to * m;
   for (int c = 0; c < 4; ++c)
     for (int r = 0; r < 4; ++r)
       if (!(std::fabs(next[c][r]) <= static_cast<double>(std::numeric_limits<float>::max())))
         throw SceneError(location(t), std::string(t.text) + " makes the transformation too large");
-  ctm_ = next;
+  to = next;
+}
+
+Parser::Ctm Parser::Ctm::inverse() const {
+  Ctm out{glm::inverse(start), std::nullopt};
+  if (end) out.end = glm::inverse(*end);
+  return out;
+}
+
+std::optional<Motion> Parser::motion(const FileLocation& where, const char* what) {
+  if (!ctm_.end) return std::nullopt;
+  const SceneDescription& scene = builder_.scene();
+  Motion m{to_transform(*ctm_.end), scene.transform_start, scene.transform_end};
+  const Transform start = to_transform(ctm_.start);
+  if (m.end == start) return std::nullopt;  // in float
+  const char* why = !m.end.is_invertible()                                             ? " cannot be inverted at its end"
+                    : !AnimatedTransform::can_move(start.matrix(), m.end.matrix()) ? " is mirrored at one end only"
+                                                                                       : nullptr;
+  if (!why) return m;
+  builder_.warn_once(where, std::string("the movement of the ") + what + why + ": it stands where it starts");
+  return std::nullopt;
+}
+
+void Parser::stands_still(const FileLocation& where, const char* what) {
+  if (ctm_.end) builder_.warn_once(where, std::string("a ") + what + " does not move, as in pbrt: it stands where it starts");
 }
 
 double Parser::read_number(const Token& directive) {
@@ -85,24 +117,36 @@ void Parser::coord_sys_transform(const Token& t) {
   if (found == coordinate_systems_.end())
     warnings_.add(location(t), "there is no coordinate system \"" + name + "\": ignored");
   else
-    apply(t, found->second, true);
+    ctm_ = found->second;  // as in pbrt, whichever is active
 }
 
-// Without motion, what holds is the transformation at the start of the shutter interval.
-void Parser::active_transform(const Token& t) {
+void Parser::active_transform(const Token&) {
   const Token time = lexer().next();
-  if (time.text != "StartTime" && time.text != "EndTime" && time.text != "All")
+  if (time.text == "All")
+    active_ = Active::all;
+  else if (time.text == "StartTime")
+    active_ = Active::start;
+  else if (time.text == "EndTime")
+    active_ = Active::end;
+  else
     throw SceneError(location(time),
                      "expected StartTime, EndTime or All, found " + Lexer::describe(time));
-  transforms_active_ = time.text != "EndTime";
-  if (!transforms_active_)
-    builder_.warn_once(location(t),
-                       "moving objects are not supported: they stand where they start");
 }
 
 void Parser::transform_times(const Token& t) {
-  read_number(t);
-  read_number(t);
+  const auto time = [&] {
+    const FileLocation where = location(lexer().peek());
+    const double v = read_number(t);
+    if (!(std::fabs(v) <= static_cast<double>(std::numeric_limits<float>::max())))
+      throw SceneError(where, "TransformTimes: a time must be finite");
+    return static_cast<float>(v);
+  };
+  const FileLocation where = location(lexer().peek());
+  const float start = time(), end = time();
+  if (!in_options(t)) return;
+  if (!(start <= end)) throw SceneError(where, "TransformTimes: the end must not be before the start");
+  builder_.scene().transform_start = start;
+  builder_.scene().transform_end = end;
 }
 
 }  // namespace cloudrenderer

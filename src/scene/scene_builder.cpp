@@ -308,6 +308,8 @@ void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
   if (state.area_light) {
     if (shape.object) {
       warn_once(shape.location, "area lights inside of objects do not shine: ignored");
+    } else if (shape.motion) {
+      warn_once(shape.location, "area lights on moving shapes do not shine, as in pbrt: ignored");
     } else {
       AreaLightSource& light = *state.area_light;
       if (!light.id) {

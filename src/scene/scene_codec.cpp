@@ -4,12 +4,14 @@
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
 #include <charconv>
+#include <cmath>
 #include <limits>
 #include <set>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "base/animated_transform.h"
 #include "scene/scene.pb.h"
 
 namespace cloudrenderer {
@@ -244,6 +246,12 @@ void to_proto(const SceneDescription& scene, proto::SceneDescription& out) {
   e.entity(scene.camera, out.mutable_camera()->mutable_entity());
   Encoder::transform(scene.camera.world_to_camera, out.mutable_camera()->mutable_world_to_camera());
   out.mutable_camera()->set_medium(number_of(scene.camera.medium));
+  if (scene.camera.motion)
+    Encoder::transform(scene.camera.motion->end, out.mutable_camera()->mutable_world_to_camera_end());
+  if (scene.transform_start != 0.f || scene.transform_end != 1.f) {
+    out.add_transform_times(scene.transform_start);
+    out.add_transform_times(scene.transform_end);
+  }
   e.entity(scene.film, out.mutable_film());
   e.entity(scene.sampler, out.mutable_sampler());
   e.entity(scene.filter, out.mutable_filter());
@@ -290,6 +298,21 @@ Result<SceneDescription> from_proto(const proto::SceneDescription& in) {
     out.camera.world_to_camera = Decoder::transform(in.camera().world_to_camera());
     out.camera.medium = Decoder::medium(in.camera().medium(), in);
     d.media(in, out);
+    if (in.transform_times_size() != 0) {
+      check(in.transform_times_size() == 2, "transform times that are not two");
+      out.transform_start = in.transform_times(0);
+      out.transform_end = in.transform_times(1);
+      check(std::isfinite(out.transform_start) && std::isfinite(out.transform_end) &&
+                out.transform_start <= out.transform_end,
+            "transform times that are no times");
+    }
+    if (in.camera().has_world_to_camera_end()) {
+      const Transform end = Decoder::transform(in.camera().world_to_camera_end());
+      check(end.is_invertible() && out.camera.world_to_camera.is_invertible() &&
+                AnimatedTransform::can_move(out.camera.world_to_camera.matrix(), end.matrix()),
+            "a camera that cannot move so");
+      out.camera.motion = Motion{end, out.transform_start, out.transform_end};
+    }
     out.film = d.entity(in.film());
     out.sampler = d.entity(in.sampler());
     out.filter = d.entity(in.filter());

@@ -86,6 +86,14 @@ void write_transform(std::ostream& out, const Transform& t) {
   out << " ]\n";
 }
 
+void write_motion(std::ostream& out, const Transform& start, const Transform& end) {
+  out << "ActiveTransform StartTime\n";
+  write_transform(out, start);
+  out << "ActiveTransform EndTime\n";
+  write_transform(out, end);
+  out << "ActiveTransform All\n";
+}
+
 void write_params(std::ostream& out, const ParamSet& params, Dialect dialect) {
   for (const Param& p : params.all()) {
     out << "  ";
@@ -135,7 +143,16 @@ void write_named_media(std::ostream& out, const SceneDescription& scene) {
 void write_options(std::ostream& out, const SceneDescription& scene) {
   const Dialect d = scene.dialect;
   if (d == Dialect::v3) write_named_media(out, scene);
-  if (!scene.camera.world_to_camera.is_identity())
+  if (scene.transform_start != 0.f || scene.transform_end != 1.f) {
+    out << "TransformTimes ";
+    write_float(out, scene.transform_start);
+    out << ' ';
+    write_float(out, scene.transform_end);
+    out << '\n';
+  }
+  if (scene.camera.motion)
+    write_motion(out, scene.camera.world_to_camera, scene.camera.motion->end);
+  else if (!scene.camera.world_to_camera.is_identity())
     write_transform(out, scene.camera.world_to_camera);
   write_entity(out, "Camera", scene.camera, d);
   write_entity(out, "Film", scene.film, d);

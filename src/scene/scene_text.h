@@ -13,6 +13,8 @@ void write_float(std::ostream& out, float v);
 void write_quoted(std::ostream& out, std::string_view text);
 void write_transform(std::ostream& out,
                      const Transform& t);  // Transform [ ... ]: replaces the current one
+// Both transformations of something that moves from `start`.
+void write_motion(std::ostream& out, const Transform& start, const Transform& end);
 void write_params(std::ostream& out, const ParamSet& params,
                   Dialect dialect);  // each on a line of its own, indented
 // A directive: `Shape "sphere"` and its parameters.
