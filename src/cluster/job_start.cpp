@@ -56,6 +56,7 @@ void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector
   if (parts.size() < 3) return;
   Warnings unheard;  // the tracer's camera says them
   const auto camera = Camera::build(manifest.scene.camera, frame, manifest.scene.dialect, unheard);
+  const Shutter shutter = shutter_of(manifest.scene.camera);
   const PartMap map(manifest.parts);
   std::vector<Candidate> candidates(map.part_count());
   for (std::uint32_t y = 0; y < kGrid; ++y) {
@@ -63,7 +64,8 @@ void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector
       const Vec2 at((static_cast<float>(x) + 0.5f) / kGrid, (static_cast<float>(y) + 0.5f) / kGrid);
       const Vec2 film(static_cast<float>(frame.x0) + at.x * static_cast<float>(frame.crop_width()),
                       static_cast<float>(frame.y0) + at.y * static_cast<float>(frame.crop_height()));
-      const CameraRay ray = camera->ray(film, Vec2(0.5f));
+      CameraRay ray = camera->ray(film, Vec2(0.5f));
+      if (camera->moves()) camera->place(0.5f * shutter.open + 0.5f * shutter.close, ray);
       const std::size_t n = map.candidates(ray.origin, ray.direction, kInfinity, candidates);
       double left = 1;
       for (std::size_t i = 0; i < std::min(n, candidates.size()); ++i, left *= 0.5) parts[candidates[i].part].visits += left;

@@ -1,6 +1,8 @@
 #pragma once
 #include <memory>
+#include <optional>
 
+#include "base/animated_transform.h"
 #include "base/lanes.h"
 #include "film/film.h"
 
@@ -17,7 +19,8 @@ struct CameraRayOf {
 using CameraRay = CameraRayOf<float>;
 using CameraRay8 = CameraRayOf<Float8>;
 
-// perspective (with lens), orthographic, environment. Immutable; any thread.
+// perspective (with lens), orthographic, environment. Immutable; any thread. One that moves makes its rays as it stands
+// at the origin, and they are to be placed().
 class Camera {
  public:
   static std::unique_ptr<Camera> build(const CameraDesc& desc, const FilmFrame& frame,
@@ -27,6 +30,14 @@ class Camera {
   virtual CameraRay ray(const Vec2& film, const Vec2& lens) const = 0;
   virtual CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const = 0;  // the same bits in each lane
   virtual bool uses_lens() const = 0;
+
+  bool moves() const { return motion_.has_value(); }
+  // A ray of a camera that moves, at a time.
+  void place(float time, CameraRay& ray) const;
+
+ private:
+  std::optional<AnimatedTransform> motion_;  // camera to world
+  float scale_ = 1;                          // of lengths, by it
 };
 
 // The pixel filter, importance-sampled: every sample counts for its own pixel only.

@@ -2,6 +2,7 @@
 
 #include <xxhash.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <system_error>
@@ -67,6 +68,23 @@ const char* bad_chunk(const Part& p, const MeshChunk& c, std::uint64_t expected_
   return ok ? nullptr : "vertex index out of range";
 }
 
+const char* bad_motion(const Part& p) {
+  std::uint32_t before = 0;
+  for (const MotionRecord& r : p.motions) {
+    if (r.instance < before || r.instance >= p.instances.size()) return "a movement of no instance";
+    before = r.instance;
+    if (!(r.start_time <= r.end_time) || !usable(r.start_time) || !usable(r.end_time))
+      return "a movement's times are no times";
+    std::uint32_t interpolates;
+    std::memcpy(&interpolates, &r.interpolates, sizeof interpolates);
+    if (interpolates > 1) return "an unknown kind of movement";
+    for (const Mat4& m : {r.start, r.end})
+      if (!usable(Transform(m))) return "a movement is not finite or cannot be inverted";
+    if (!AnimatedTransform::can_move(r.start, r.end)) return "a movement turns its object inside out";
+  }
+  return nullptr;
+}
+
 const char* bad_content(const Part& p) {
   if (!all_usable(p.positions)) return "a position is not finite";
   if (!all_usable(p.normals)) return "a normal is not finite";
@@ -90,36 +108,44 @@ const char* bad_content(const Part& p) {
   }
   for (const InstanceRecord& r : p.instances)
     if (!usable(r.to_world)) return "an instance is not finite";
-  return nullptr;
+  return bad_motion(p);
 }
 
 }  // namespace
+
+std::span<const MotionRecord> motions_of(std::span<const MotionRecord> all, std::uint32_t instance) {
+  const auto found = std::ranges::equal_range(all, instance, {}, &MotionRecord::instance);
+  return {found.begin(), found.end()};
+}
 
 Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
   const auto failure = [](const char* why) {
     return Result<Part>::failure(std::string("part: ") + why);
   };
-  constexpr std::size_t kTableEnd = sizeof(Header) + kSectionCount * sizeof(SectionEntry);
-  if (bytes.size() < kTableEnd) return failure("too short");
+  constexpr auto table_end = [](std::uint32_t sections) { return sizeof(Header) + sections * sizeof(SectionEntry); };
+  if (bytes.size() < table_end(kStillSectionCount)) return failure("too short");
   if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 16 != 0)
     return failure("bytes are not aligned");
   Header header;
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kMagic) return failure("not a part file");
-  if (header.version != kVersion) return failure("unknown version");
-  if (header.section_count != kSectionCount) return failure("wrong number of sections");
+  if (header.version != kVersion && header.version != kMovingVersion) return failure("unknown version");
+  const std::uint32_t sections = header.version == kMovingVersion ? kSectionCount : kStillSectionCount;
+  if (header.section_count != sections) return failure("wrong number of sections");
+  const std::size_t end_of_table = table_end(sections);
+  if (bytes.size() < end_of_table) return failure("too short");
   if (header.reserved != Header().reserved) return failure("reserved bytes are not 0");
   if (header.file_bytes != bytes.size()) return failure("wrong length");
   if (XXH3_64bits(bytes.data() + sizeof header, bytes.size() - sizeof header) != header.checksum)
     return failure("wrong checksum");
 
   std::array<SectionEntry, kSectionCount> table;
-  std::memcpy(table.data(), bytes.data() + sizeof header, sizeof table);
-  for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+  std::memcpy(table.data(), bytes.data() + sizeof header, sections * sizeof(SectionEntry));
+  for (std::uint32_t s = 0; s < sections; ++s) {
     const SectionEntry& e = table[s];
     if (e.section != s || e.element_bytes != kElementBytes[s]) return failure("unknown section");
     const std::uint64_t padding = s == kPositions ? kPadding : 0;
-    if (e.offset % kAlignment != 0 || e.offset < kTableEnd || e.offset > bytes.size())
+    if (e.offset % kAlignment != 0 || e.offset < end_of_table || e.offset > bytes.size())
       return failure("section out of range");
     if (e.count > (bytes.size() - e.offset) / e.element_bytes || e.count >= kNone ||
         e.count * e.element_bytes + padding > bytes.size() - e.offset)
@@ -134,6 +160,7 @@ Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const v
   p.chunks = section<MeshChunk>(bytes, table[kChunks]);
   p.quadrics = section<QuadricRecord>(bytes, table[kQuadrics]);
   p.instances = section<InstanceRecord>(bytes, table[kInstances]);
+  if (sections > kMotions) p.motions = section<MotionRecord>(bytes, table[kMotions]);
   p.owner = std::move(owner);
   if (const char* why = bad_content(p)) return failure(why);
   return p;

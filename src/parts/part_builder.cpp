@@ -48,16 +48,18 @@ struct PartBuilder::Layout {
   BulkArray<MeshChunk> chunks;
   BulkArray<QuadricRecord> quadrics;
   BulkArray<InstanceRecord> instances;
+  BulkArray<MotionRecord> motions;
   std::array<std::span<const std::byte>, kSectionCount> data;
   std::array<SectionEntry, kSectionCount> table;
   Header header;
 
+  std::span<const SectionEntry> entries() const { return std::span(table).first(header.section_count); }
   // Calls sink(bytes) with everything behind the header, in file order.
   template <class Sink>
   void content(const Sink& sink) const {
-    sink(std::as_bytes(std::span(table)));
-    std::uint64_t at = sizeof header + sizeof table;
-    for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+    sink(std::as_bytes(entries()));
+    std::uint64_t at = sizeof header + entries().size_bytes();
+    for (std::uint32_t s = 0; s < header.section_count; ++s) {
       sink(std::span(kZeros).first(static_cast<std::size_t>(table[s].offset - at)));
       if (!data[s].empty()) sink(data[s]);
       at = table[s].offset + data[s].size();
@@ -111,7 +113,13 @@ void PartBuilder::add_chunk(const MeshChunk& attributes, const ChunkData& data) 
 }
 
 void PartBuilder::add_quadric(const QuadricRecord& quadric) { quadrics_.push_back(quadric); }
-void PartBuilder::add_instance(const InstanceRecord& instance) { instances_.push_back(instance); }
+void PartBuilder::add_instance(const InstanceRecord& instance, std::span<const MotionRecord> motions) {
+  for (MotionRecord m : motions) {
+    m.instance = checked_u32(instances_.size());
+    motions_.push_back(m);
+  }
+  instances_.push_back(instance);
+}
 
 std::uint64_t PartBuilder::predicted_bytes() const {
   using namespace loaded_bytes;
@@ -121,7 +129,7 @@ std::uint64_t PartBuilder::predicted_bytes() const {
          vertices * kBvhTwoVertices / 2 + (positions_.size() + normals_.size()) * sizeof(Vec3) +
          uvs_.size() * sizeof(Vec2) + primitive_ids_.size() * sizeof(std::uint32_t) +
          chunks_.size() * sizeof(MeshChunk) + quadrics_.size() * kQuadric +
-         instances_.size() * kInstance;
+         instances_.size() * kInstance + motions_.size() * kMotion;
 }
 
 PartBuilder::Layout PartBuilder::finish() {
@@ -133,13 +141,19 @@ PartBuilder::Layout PartBuilder::finish() {
            chunks_.finish(),
            quadrics_.finish(),
            instances_.finish(),
+           motions_.finish(),
            {},
            {},
            {}};
   l.data = {raw(l.positions),     raw(l.normals), raw(l.uvs),      raw(l.triangles),
-            raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances)};
-  std::uint64_t at = sizeof l.header + sizeof l.table;
-  for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+            raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances),
+            raw(l.motions)};
+  if (!l.motions.empty()) {
+    l.header.version = kMovingVersion;
+    l.header.section_count = kSectionCount;
+  }
+  std::uint64_t at = sizeof l.header + l.entries().size_bytes();
+  for (std::uint32_t s = 0; s < l.header.section_count; ++s) {
     at = align_up(at);
     l.table[s] = {s, kElementBytes[s], at, l.data[s].size() / kElementBytes[s]};
     at += l.data[s].size() + (s == kPositions ? kPadding : 0);

@@ -27,6 +27,8 @@ inline constexpr std::uint64_t kInstanceObject = 320;
 
 inline constexpr std::uint64_t kQuadric = kBvhOther + kQuadricSphere + sizeof(QuadricRecord);
 inline constexpr std::uint64_t kInstance = kBvhOther + kInstanceObject + sizeof(InstanceRecord);
+// What a movement takes beside its instance: the record, and what the tracer makes of it.
+inline constexpr std::uint64_t kMotion = sizeof(MotionRecord) + sizeof(AnimatedTransform) + sizeof(Affine) + 64;
 
 // What a BVH takes beside its share a primitive: nodes that are not full, blocks of the allocator.
 constexpr std::uint64_t bvh_base(std::uint64_t primitives) {
@@ -63,7 +65,8 @@ class PartBuilder {
   // is not finite or a wrong index.
   void add_chunk(const MeshChunk& attributes, const ChunkData& data);
   void add_quadric(const QuadricRecord& quadric);
-  void add_instance(const InstanceRecord& instance);
+  // `motions`: how it moves, if it does; of these, `instance` is filled in.
+  void add_instance(const InstanceRecord& instance, std::span<const MotionRecord> motions = {});
 
   std::uint64_t triangle_count() const { return triangles_.size(); }
   bool empty() const { return triangles_.size() + quadrics_.size() + instances_.size() == 0; }
@@ -87,6 +90,7 @@ class PartBuilder {
   BulkWriter<MeshChunk> chunks_;
   BulkWriter<QuadricRecord> quadrics_;
   BulkWriter<InstanceRecord> instances_;
+  BulkWriter<MotionRecord> motions_;
 };
 
 }  // namespace cloudrenderer
