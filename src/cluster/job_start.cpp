@@ -102,6 +102,7 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   expect_visits(manifest, settings.film.frame, spec.parts);
   for (const PrototypeInfo& p : manifest.prototypes) spec.prototype_bytes.push_back(p.loaded_bytes);
   spec.part_features.resize(manifest.parts.size());
+  if (manifest.moves) spec.part_features.assign(manifest.parts.size(), {"motion"});
 
   wire::JobStart& s = spec.start;
   s.set_job(std::random_device{}());
