@@ -179,5 +179,49 @@ TEST(Camera, WarnsAboutUnknownKindsAndParameters) {
   EXPECT_EQ(warnings.list().size(), 2u);
 }
 
+// A camera that moves is, at every time, the camera that stands there.
+TEST(MovingCamera, IsAtEachTimeTheOneThatStandsThere) {
+  const FilmFrame f = frame(40, 20);
+  const glm::mat4 start = glm::translate(glm::mat4(1.f), Vec3(1, 2, 3)),
+                  end = glm::rotate(glm::translate(glm::mat4(1.f), Vec3(3, 2, 3)), 1.2f, Vec3(0, 0, 1));
+  for (const char* type : {"perspective", "orthographic", "environment"}) {
+    Warnings warnings;
+    CameraDesc desc = entity<CameraDesc>(type, {});
+    if (std::string(type) != "environment") desc.params.add(reals("lensradius", {0.1f}));
+    desc.world_to_camera = Transform(start).inverse();
+    desc.motion = Motion{Transform(end).inverse(), 2, 4};
+    const auto moving = Camera::build(desc, f, Dialect::v2, warnings);
+    ASSERT_TRUE(moving->moves());
+    for (const float time : {0.f, 2.f, 3.f, 3.5f, 4.f, 9.f}) {
+      const float g = std::clamp((time - 2) / 2, 0.f, 1.f);
+      desc.motion.reset();
+      desc.world_to_camera =
+          Transform(glm::rotate(glm::translate(glm::mat4(1.f), Vec3(1 + 2 * g, 2, 3)), 1.2f * g, Vec3(0, 0, 1))).inverse();
+      const auto still = Camera::build(desc, f, Dialect::v2, warnings);
+      ASSERT_FALSE(still->moves());
+      for (const Vec2 film : {Vec2(0, 0), Vec2(31, 7)}) {
+        CameraRay ray = moving->ray(film, {0.3f, 0.8f});
+        moving->place(time, ray);
+        const CameraRay expected = still->ray(film, {0.3f, 0.8f});
+        expect_near(ray.origin, expected.origin, 1e-5f);
+        expect_near(ray.direction, expected.direction, 1e-5f);
+        EXPECT_FLOAT_EQ(ray.cone_spread, expected.cone_spread);
+        EXPECT_NEAR(ray.cone_width, expected.cone_width, 1e-6f);
+      }
+    }
+  }
+}
+
+TEST(MovingCamera, AShutterThatClosesBeforeItOpensIsTurnedRound) {
+  Warnings warnings;
+  const CameraDesc desc = entity<CameraDesc>("perspective", {reals("shutteropen", {2}), reals("shutterclose", {1})});
+  Camera::build(desc, frame(8, 8), Dialect::v3, warnings);
+  ASSERT_EQ(warnings.list().size(), 1u);
+  EXPECT_NE(warnings.list()[0].find("swapped"), std::string::npos);
+  EXPECT_EQ(shutter_of(desc).open, 1.f);
+  EXPECT_EQ(shutter_of(desc).close, 2.f);
+  EXPECT_THROW(shutter_of(entity<CameraDesc>("perspective", {reals("shutteropen", {std::nanf("")})})), SceneError);
+}
+
 }  // namespace
 }  // namespace cloudrenderer

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <map>
 
+#include "integrator/path_time.h"
 #include "integrator/path_tracer.h"
 #include "parts/split.h"
 #include "parts_support.h"
@@ -54,8 +55,45 @@ Shape "trianglemesh" "point P" [0 0 0  1 0 0  .5 0 1] "integer indices" [0 1 2]
 ObjectEnd
 Translate -3 0 0
 ObjectInstance "thing"
+ActiveTransform EndTime
+Rotate 40 0 0 1
+Translate .5 0 .3
+ActiveTransform All
+Shape "sphere" "float radius" [.5]
+ObjectInstance "thing"
 WorldEnd
 )";
+
+// The time of a path: over the pixels uniform, and in every pixel spread evenly over each half of its samples.
+TEST(PathTime, IsUniformAndStratified) {
+  JobSettings job;
+  const Shutter shutter{0, 1}, later{2, 4};
+  double sum = 0, squares = 0, with_film = 0;
+  constexpr std::uint32_t kPixels = 500, kSamples = 32;
+  for (std::uint32_t pixel = 0; pixel < kPixels; ++pixel) {
+    std::array<std::array<int, kSamples / 2>, 2> strata{};
+    for (std::uint32_t sample = 0; sample < kSamples; ++sample) {
+      const float t = path_time(job, shutter, pixel, sample);
+      ASSERT_GE(t, shutter.open);
+      ASSERT_LE(t, shutter.close);
+      const auto u = static_cast<double>(t);
+      EXPECT_NEAR(path_time(job, later, pixel, sample), 2 + 2 * t, 1e-6);
+      ++strata[sample % 2][std::min<std::size_t>(kSamples / 2 - 1, static_cast<std::size_t>(u * (kSamples / 2)))];
+      sum += u;
+      squares += u * u;
+      const Vec2 film = SampleSequence(job.sequence, job.seed, pixel, sample).get_2d(0);
+      with_film += (u - 0.5) * (static_cast<double>(film.x) - 0.5);
+    }
+    for (const auto& half : strata)
+      for (const int n : half) ASSERT_EQ(n, 1) << "pixel " << pixel;
+  }
+  const double n = kPixels * kSamples;
+  EXPECT_NEAR(sum / n, 1.0 / 2, 1e-3);
+  EXPECT_NEAR(squares / n, 1.0 / 3, 1e-3);
+  EXPECT_NEAR(with_film / n, 0, 2e-3);  // of 1/12
+  job.sequence = SampleSequence::Kind::independent;
+  EXPECT_NE(path_time(job, shutter, 0, 0), path_time(job, shutter, 0, 1));
+}
 
 using Sums = std::map<std::pair<std::uint32_t, std::uint32_t>, Fixed3>;  // by pixel and sample
 

@@ -25,6 +25,7 @@ TEST(SceneText, WritesTheShortestFloats) {
 
 const std::string kScene = R"(
 Rotate 33 1 2 3 Translate 1 2 .1
+TransformTimes -1 2.5 ActiveTransform EndTime Rotate 20 0 1 0 ActiveTransform All
 Camera "perspective" "float fov" [39.1]
 Film "image" "integer xresolution" [320] "string filename" "a \"b\" \\ c.exr"
 Sampler "halton" "integer pixelsamples" 4 PixelFilter "box" "float xwidth" 0.5

@@ -45,7 +45,7 @@ class TrivialEngine final : public PathEngine {
     }
     shaded += b.size();
   }
-  std::vector<bool> occluded(std::span<const OcclusionRay>, std::span<std::uint8_t>) const override { return {}; }
+  std::vector<bool> occluded(std::span<const OcclusionRay>, std::span<const float>, std::span<std::uint8_t>) const override { return {}; }
   std::uint32_t film_width() const override { return 1024; }
 
   mutable std::uint64_t shaded = 0;

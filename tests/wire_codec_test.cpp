@@ -117,6 +117,20 @@ TEST(Codec, KeepsRays) {
   EXPECT_EQ((*got.chunks[0])[5].t_max, 5.f);
 }
 
+TEST(Codec, KeepsTheTimesOfRaysAndSendsNoneWhereNothingMoves) {
+  SubmitTask m = some_rays(77);
+  const std::size_t still = encode(m)->size();
+  std::vector<float> times(77);
+  for (std::size_t i = 0; i < times.size(); ++i) times[i] = 0.5f * static_cast<float>(i) - 3;
+  std::get<OcclusionBlock>(m.payload).times = {std::make_shared<const std::vector<float>>(times)};
+  EXPECT_EQ(encode(m)->size(), still + 4 * 77 + 2);  // and the flag
+  const auto got = std::get<OcclusionBlock>(there_and_back(m).payload);
+  ASSERT_EQ(got.times.size(), 1u);
+  EXPECT_EQ(*got.times[0], times);
+  EXPECT_EQ((*got.chunks[0])[76].origin, some_segment(76).origin);
+  EXPECT_TRUE(std::get<OcclusionBlock>(there_and_back(some_rays(77)).payload).times.empty());
+}
+
 TEST(Codec, KeepsPixelSumsOf128Bits) {
   RendererReply r;
   r.task = 5;

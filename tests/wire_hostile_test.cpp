@@ -54,6 +54,14 @@ TEST(HostilePeer, SendsNoOcclusionRayThatEmbreeWouldChokeOn) {
   }
 }
 
+TEST(HostilePeer, SendsNoTimeThatIsNone) {
+  for (const float bad : {kInfinity, -kInfinity, std::numeric_limits<float>::quiet_NaN()}) {
+    SubmitTask m = some_rays(3);
+    std::get<OcclusionBlock>(m.payload).times = {std::make_shared<const std::vector<float>>(std::vector<float>{0, bad, 1})};
+    EXPECT_FALSE(decode(bytes_of(std::move(m))));
+  }
+}
+
 TEST(HostilePeer, CannotMakeUsAllocateByACount) {
   // A count of four thousand million with a bulk of a few bytes.
   for (const Message& m : {Message(some_block(1)), Message(some_rays(1))}) {

@@ -16,7 +16,7 @@ import measure
 # Reference -> scene, where that is not NAME.pbrt.
 SCENES = {f"v2/{name}": f"v2/{name}" for name in (
     "killeroo-path teapot-path cornell-path metal-path room-path-small miscquads-direct bump-direct texfilt-direct "
-    "arcsphere-ao microcity-ao spotfog-single").split()}
+    "arcsphere-ao microcity-ao spotfog-single bluespheres-path").split()}
 SCENES |= {
     "v3/cornell-small": "v3/cornellbox/cornell-small",
     "v3/coffee-small": "v3/coffee/coffee-small",
@@ -27,7 +27,6 @@ SCENES |= {
 }
 # Rendered only when named with --only, or with --all.
 MORE = {
-    "v2/bluespheres-path": "v2/bluespheres-path",
     "v2/bunny-path": "v2/bunny-path",
     "v3/bmw-small": "v3/bmw-m6/bmw-small",
 }

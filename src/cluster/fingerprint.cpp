@@ -26,7 +26,7 @@ void add_functions(std::vector<float>& out) {
   }
 }
 
-// A bumpy terrain, and rays from above at random: many of them graze edges.
+// A bumpy terrain, and rays from above at random: many of them graze edges. A copy of it moves.
 void add_rays(std::vector<float>& out) {
   std::vector<Vec3> positions;
   std::vector<Triangle> triangles;
@@ -46,14 +46,26 @@ void add_rays(std::vector<float>& out) {
   Resident::Options options;
   options.isa = kInstructionSet;
   Resident resident(options);
-  resident.load_part(PartId{0}, builder.build());
+  const Part terrain = builder.build();
+  resident.load_prototype(0, terrain);
+  resident.load_part(PartId{0}, terrain);
+  PartBuilder moving;
+  MotionRecord m{Mat4(1.f), Mat4(1.f), 0, 1, 0, AnimatedTransform::Interpolates::inverse};
+  m.start[3] = {1, 2, 0.5f, 1};
+  for (int c = 0; c < 3; ++c) m.end[c] = {unit(100 + 3 * c) - 0.5f, unit(101 + 3 * c) - 0.5f, unit(102 + 3 * c), 0};
+  if (!AnimatedTransform::can_move(m.start, m.end)) m.end[0] = -m.end[0];
+  moving.add_instance({}, std::span(&m, 1));
+  resident.load_part(PartId{1}, moving.build());
   const auto set = resident.snapshot();
   for (std::uint32_t i = 0; i < kRays; ++i) {
     TraceRay ray;
     ray.origin = {(kGrid - 1) * unit(7000 + 4 * i), (kGrid - 1) * unit(7001 + 4 * i), 3.f};
     ray.direction = {unit(7002 + 4 * i) - 0.5f, unit(7003 + 4 * i) - 0.5f, -0.3f};
+    ray.time = unit(9000 + i);
     Hit hit;
-    if (!set->intersect(0, ray, hit)) continue;
+    bool found = set->intersect(0, ray, hit);
+    if (i % 2) found = set->intersect(1, ray, hit) || found;
+    if (!found) continue;
     for (const float v : {hit.t, hit.u, hit.v, static_cast<float>(hit.index)}) out.push_back(v);
   }
 }

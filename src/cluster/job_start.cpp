@@ -59,6 +59,7 @@ void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector
   Warnings unheard;  // the tracer's camera says them
   const auto camera = Camera::build(manifest.scene.camera, frame, manifest.scene.dialect, unheard,
                                     manifest.scene.film.params.real("diagonal", 35.f));
+  const Shutter shutter = shutter_of(manifest.scene.camera);
   const PartMap map(manifest.parts);
   std::vector<Candidate> candidates(map.part_count());
   for (std::uint32_t y = 0; y < kGrid; ++y) {
@@ -66,8 +67,9 @@ void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector
       const Vec2 at((static_cast<float>(x) + 0.5f) / kGrid, (static_cast<float>(y) + 0.5f) / kGrid);
       const Vec2 film(static_cast<float>(frame.x0) + at.x * static_cast<float>(frame.crop_width()),
                       static_cast<float>(frame.y0) + at.y * static_cast<float>(frame.crop_height()));
-      const CameraRay ray = camera->ray(film, Vec2(0.5f));
+      CameraRay ray = camera->ray(film, Vec2(0.5f));
       if (ray.weight == 0.f) continue;
+      if (camera->moves()) camera->place(0.5f * shutter.open + 0.5f * shutter.close, ray);
       const std::size_t n = map.candidates(ray.origin, ray.direction, kInfinity, candidates);
       double left = 1;
       for (std::size_t i = 0; i < std::min(n, candidates.size()); ++i, left *= 0.5) parts[candidates[i].part].visits += left;
@@ -104,6 +106,7 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   expect_visits(manifest, settings.film.frame, spec.parts);
   for (const PrototypeInfo& p : manifest.prototypes) spec.prototype_bytes.push_back(p.loaded_bytes);
   spec.part_features.resize(manifest.parts.size());
+  if (manifest.moves) spec.part_features.assign(manifest.parts.size(), {"motion"});
 
   wire::JobStart& s = spec.start;
   s.set_job(std::random_device{}());

@@ -321,7 +321,7 @@ wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::
   h.set_threads(threads);
   for (int c = wire::LOADER; c <= wire::INTERSECTION; ++c)
     h.add_categories(static_cast<wire::Category>(c));
-  for (const char* feature : {"triangles", "quadrics", "alpha", "paging"}) h.add_features(feature);
+  for (const char* feature : {"triangles", "quadrics", "alpha", "motion", "paging"}) h.add_features(feature);
   h.set_instruction_set(kInstructionSet);
   h.set_fingerprint(numeric_fingerprint());
   h.set_path_credits(options.path_credits);

@@ -192,14 +192,23 @@ CameraRay8 Camera::one_by_one(const Vec2x8& film, const Vec2x8& lens) const {
   return out;
 }
 
+void Camera::place(float time, CameraRay& ray) const {
+  const Transform to_world = motion_->at(time).rounded();
+  ray.origin = to_world.point(ray.origin);
+  ray.direction = glm::normalize(to_world.vector(ray.direction));
+  ray.cone_width *= scale_;
+}
+
 std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& frame, Dialect,
                                       Warnings& warnings, float film_diagonal) {
-  const Transform to_world = desc.world_to_camera.inverse();
-  if (!to_world.is_invertible() || !desc.world_to_camera.is_invertible())
+  const Transform at_start = desc.world_to_camera.inverse();
+  const Transform to_world = desc.motion ? Transform() : at_start;
+  if (!at_start.is_invertible() || !desc.world_to_camera.is_invertible())
     throw SceneError{desc.location, "the camera's transformation cannot be inverted"};
-  // Clipping planes and the shutter change nothing without motion; scenes carry them all the same.
-  for (const char* name : {"hither", "yon", "shutteropen", "shutterclose"})
-    desc.params.real(name, 0.f);
+  for (const char* name : {"hither", "yon"}) desc.params.real(name, 0.f);  // clipping planes change nothing
+  if (desc.params.real("shutterclose", 1.f) < desc.params.real("shutteropen", 0.f))
+    warnings.add(desc.location, "shutterclose is before shutteropen: they are swapped");
+  shutter_of(desc);
 
   std::unique_ptr<Camera> camera;
   if (desc.type == "environment") {
@@ -219,6 +228,12 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
     const float half = portable::tan(field_of_view(desc) * (kPi / 360.f));
     for (float* v : {&plane.x, &plane.y, &plane.dx, &plane.dy}) *v *= half;
     camera = std::make_unique<PerspectiveCamera>(to_world, plane, lens(desc));
+  }
+  if (desc.motion) {
+    camera->motion_.emplace(at_start.matrix(), desc.motion->end.inverse_matrix(),
+                            TimeSpan{desc.motion->start_time, desc.motion->end_time},
+                            AnimatedTransform::Interpolates::forward);
+    camera->scale_ = std::sqrt(glm::length(glm::cross(at_start.vector({1, 0, 0}), at_start.vector({0, 1, 0}))));
   }
   desc.params.report_unused("Camera \"" + desc.type + "\"", warnings);
   return camera;

@@ -1,6 +1,8 @@
 #pragma once
 #include <memory>
+#include <optional>
 
+#include "base/animated_transform.h"
 #include "base/lanes.h"
 #include "film/film.h"
 
@@ -18,7 +20,8 @@ struct CameraRayOf {
 using CameraRay = CameraRayOf<float>;
 using CameraRay8 = CameraRayOf<Float8>;
 
-// perspective (with lens), orthographic, environment, realistic. Immutable; any thread.
+// perspective (with lens), orthographic, environment, realistic. Immutable; any thread. One that moves makes its rays as it stands
+// at the origin, and they are to be placed().
 class Camera {
  public:
   // film_diagonal: of the film in millimetres, for lenses. Throws SceneError.
@@ -31,9 +34,17 @@ class Camera {
   virtual CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const = 0;  // the same bits in each lane
   virtual bool uses_lens() const = 0;
 
+  bool moves() const { return motion_.has_value(); }
+  // A ray of a camera that moves, at a time.
+  void place(float time, CameraRay& ray) const;
+
  protected:
   // ray8() of cameras whose formulas are not made for lanes.
   CameraRay8 one_by_one(const Vec2x8& film, const Vec2x8& lens) const;
+
+ private:
+  std::optional<AnimatedTransform> motion_;  // camera to world
+  float scale_ = 1;                          // of lengths, by it
 };
 
 // The pixel filter, importance-sampled: every sample counts for its own pixel only.

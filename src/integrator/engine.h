@@ -26,6 +26,7 @@ struct SegmentBatch {
 // A shadow ray that no resident part blocks, and that must still be asked of other hosts.
 struct ShadowAsk {
   OcclusionRay ray;
+  float time = 0;             // of the path; only where the engine has_motion()
   std::uint32_t parked = 0;   // index into ShadeOutput::parked
   std::uint32_t pending = 0;  // index into the list of parts: first of `part_count` untested candidate parts
   std::uint32_t part_count = 0;
@@ -79,8 +80,12 @@ class PathEngine {
   // Shades every segment of the batch at its hit (all have next == none and a local hit, or no hit at all: escaped).
   // Local occlusion is tested inside. The batch's contents are consumed.
   virtual void shade(SegmentBatch& batch, ShadeOutput& out) const = 0;
-  // blocked[i] = 1 if anything resident here blocks rays[i]. Returns the parts that were resident, a bit each.
-  virtual std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const = 0;
+  // blocked[i] = 1 if anything resident here blocks rays[i]. Returns the parts that were resident, a bit each. times: of
+  // the rays; may be empty where nothing moves.
+  virtual std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<const float> times,
+                                     std::span<std::uint8_t> blocked) const = 0;
+  // True if something in the scene moves, so that rays have times.
+  virtual bool has_motion() const { return false; }
   // Film position of a segment's contribution, so that drivers can sum path ends: width of the full film.
   virtual std::uint32_t film_width() const = 0;
 };

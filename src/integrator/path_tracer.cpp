@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstddef>
 
+#include "integrator/path_time.h"
 #include "integrator/timer.h"
 
 namespace cloudrenderer {
@@ -53,8 +54,6 @@ PartId untested(std::span<const Candidate> list, const PathSegment& s, const Hit
   return {};
 }
 
-TraceRay ray_of(const PathSegment& s) { return {s.origin, kInfinity, s.direction}; }
-
 }  // namespace
 
 PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part main_part, Resident& resident,
@@ -67,6 +66,8 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
                      !main_part.curves.segments.empty()),
       resident_(resident),
       shading_(Shading::build(manifest.scene, {.texture_budget = texture_budget}, warnings)) {
+  motion_ = manifest.moves;
+  shutter_ = shutter_of(manifest.scene.camera);
   footprint_ = shading_->needs_footprint();
   footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.footprint_spp ? job.footprint_spp : job.spp));
   resident.set_alpha([shading = shading_.get()](std::uint32_t texture, const Vec2& uv, const Vec3& p) {
@@ -92,6 +93,14 @@ void PathTracer::build_media(const SceneDescription& scene, const Part& main_par
   for (const MaterialDesc& m : scene.materials) interfaces_.push_back({number(m.inside), number(m.outside)});
   const auto is_null = [&](const auto& shape) { return shading_->is_null(shape.material); };
   null_surfaces_ = std::ranges::any_of(main_part.chunks, is_null) || std::ranges::any_of(main_part.quadrics, is_null);
+}
+
+float PathTracer::time_of(std::uint32_t pixel, std::uint32_t sample) const {
+  return path_time(job_, shutter_, pixel, sample);
+}
+
+TraceRay PathTracer::ray_of(const PathSegment& s) const {
+  return {s.origin, kInfinity, s.direction, motion_ ? time_of(s.pixel, s.sample) : 0.f};
 }
 
 void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::uint64_t first, std::uint64_t count,
@@ -149,6 +158,13 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
         s.cone_width = made.at[7][lane] * footprint_scale_;
         s.cone_spread = made.at[8][lane] * footprint_scale_;
       }
+      if (camera_->moves()) {
+        CameraRay moved{s.origin, s.direction, s.cone_width, s.cone_spread};
+        camera_->place(time_of(s.pixel, s.sample), moved);
+        s.origin = moved.origin;
+        s.direction = moved.direction;
+        s.cone_width = moved.cone_width;
+      }
     }
   }
 }
@@ -202,7 +218,12 @@ void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, 
   // Origin and direction lie side by side.
   static_assert(offsetof(PathSegment, direction) == offsetof(PathSegment, origin) + sizeof(Vec3));
   const auto in = lanes::gather<8>(places);
-  const RayPacket rays{{in[0], in[1], in[2]}, kInfinity, {in[3], in[4], in[5]}};
+  RayPacket rays{{in[0], in[1], in[2]}, kInfinity, {in[3], in[4], in[5]}};
+  std::array<float, 8> times;
+  if (motion_) {
+    for (std::size_t i = 0; i < 8; ++i) times[i] = time_of(s[i].pixel, s[i].sample);
+    rays.times = times.data();
+  }
   const std::uint32_t good = lanes::to_bits(traceable(rays.origin, rays.direction));
   if (good == 0) return;
   const Coherence coherence = from_camera == 8 ? Coherence::alike : Coherence::any;
@@ -285,7 +306,7 @@ void PathTracer::trace(SegmentBatch& batch) const {
 
 void PathTracer::route(SegmentBatch& batch) const { trace(batch); }
 
-void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays,
+void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
                               std::span<std::uint8_t> blocked) const {
   for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = 0;
   CandidateList list;
@@ -301,7 +322,12 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
     static_assert(offsetof(OcclusionRay, direction) == sizeof(Vec3) && offsetof(OcclusionRay, t_max) == 2 * sizeof(Vec3));
     const auto a = lanes::gather<4>(starts);
     const auto b = lanes::gather<3>(ends);
-    const RayPacket packet{{a[0], a[1], a[2]}, b[2], {a[3], b[0], b[1]}};
+    RayPacket packet{{a[0], a[1], a[2]}, b[2], {a[3], b[0], b[1]}};
+    std::array<float, 8> own{};
+    if (!times.empty()) {
+      std::copy_n(times.begin() + static_cast<std::ptrdiff_t>(first), n, own.begin());
+      packet.times = own.data();
+    }
     std::uint32_t open = ((1u << n) - 1u) & lanes::to_bits(traceable(packet.origin, packet.direction) && packet.t_max > 0.f);
     std::uint32_t hit = 0;
     // Where shadow rays pass surfaces of the main scene, their way through it is known when they are made.
@@ -313,7 +339,7 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
       for (std::uint32_t left = open; left; left &= left - 1) {
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
         const OcclusionRay& r = rays[first + i];
-        const TraceRay ray{r.origin, r.t_max, r.direction};
+        const TraceRay ray{r.origin, r.t_max, r.direction, times.empty() ? 0.f : times[first + i]};
         PathSegment probe;
         probe.origin = r.origin;
         probe.direction = r.direction;
@@ -332,10 +358,12 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
   }
 }
 
-std::vector<bool> PathTracer::occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const {
+std::vector<bool> PathTracer::occluded(std::span<const OcclusionRay> rays, std::span<const float> times,
+                                       std::span<std::uint8_t> blocked) const {
   const BatchTimer timer(time_.occlusion);
   const auto set = resident_.snapshot();
-  find_blocked(*set, rays, blocked);
+  // Rays without times, which only a host of another making sends, count as of time 0.
+  find_blocked(*set, rays, times.size() == rays.size() ? times : std::span<const float>(), blocked);
   std::vector<bool> tested(map_.part_count());
   for (std::uint32_t p = 0; p < tested.size(); ++p) tested[p] = set->has(p);
   return tested;

@@ -31,7 +31,9 @@ class PathTracer final : public PathEngine {
   void trace(SegmentBatch& batch) const override;
   void route(SegmentBatch& batch) const override;
   void shade(SegmentBatch& batch, ShadeOutput& out) const override;
-  std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const override;
+  std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<const float> times,
+                             std::span<std::uint8_t> blocked) const override;
+  bool has_motion() const override { return motion_; }
   std::uint32_t film_width() const override { return job_.film.frame.width; }
 
   const JobSettings& job() const { return job_; }
@@ -51,7 +53,10 @@ class PathTracer final : public PathEngine {
   void build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings);
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
-  void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<std::uint8_t> blocked) const;
+  void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
+                    std::span<std::uint8_t> blocked) const;
+  float time_of(std::uint32_t pixel, std::uint32_t sample) const;
+  TraceRay ray_of(const PathSegment& s) const;
   void resolve_shadows(const ResidentSet& set, const Shadows& shadows, ShadeOutput& out) const;
 
   JobSettings job_;
@@ -62,6 +67,8 @@ class PathTracer final : public PathEngine {
   bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::has_v2_disk)
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool footprint_;
+  bool motion_;      // some instance moves: rays have times
+  Shutter shutter_;
   std::uint32_t first_pair_;  // of a vertex's numbers that is of use: the first one chooses among lights
   double fixed_units_;     // of fixed point, in one
   float footprint_scale_;  // pbrt: a sample's footprint is a pixel's over sqrt(spp)

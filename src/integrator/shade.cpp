@@ -36,7 +36,10 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
                                          std::uint32_t& light, bool derivatives) const {
   const Part& part = hit.instance == kNone ? set.part(hit.part) : set.prototype(hit.part, hit.instance);
   SurfacePoint p;
-  const Transform* to_world = hit.instance == kNone ? nullptr : &set.part(hit.part).instances[hit.instance].to_world;
+  const Transform* to_world = nullptr;
+  Transform moved;
+  if (hit.instance != kNone)
+    to_world = &set.place(hit.part, hit.instance, tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f, moved);
   if (hit.geometry == 0) {
     const MeshChunk& c = part.chunk_of(hit.index);
     material = c.material;
@@ -72,6 +75,7 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
     p = surface_point(q.quadric, q.flip != 0, o, d, hit.t);
   }
   if (to_world) p = transformed(p, *to_world);
+  if (to_world == &moved) p.p_error += inverse_error(p.p, moved);
   return p;
 }
 

@@ -34,6 +34,7 @@ struct PathTracer::Shadows {
   };
   std::vector<OcclusionRay> rays;
   std::vector<Light> lights;
+  std::vector<float> times;  // of the rays, where something moves
 };
 
 // A vertex where a path scatters; F: one path's, or eight in lanes.
@@ -162,6 +163,7 @@ struct PathTracer::Shader {
       shadows.lights.pop_back();
       return nullptr;
     }
+    if (tracer.motion_) shadows.times.push_back(tracer.time_of(path->pixel, path->sample));
     return &shadows.rays.emplace_back();
   }
 

@@ -11,7 +11,7 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
   std::vector<std::uint8_t> blocked(rays.size());
   {
     const BatchTimer timer(time_.occlusion);
-    find_blocked(set, rays, blocked);
+    find_blocked(set, rays, shadows.times, blocked);
   }
   std::vector<std::uint32_t> leaving;  // shadows that others must answer
   std::vector<Candidate> candidates(map_.part_count());
@@ -35,7 +35,7 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
       const auto count = static_cast<std::uint32_t>(out.ask_parts.size()) - first;
       if (count) {
         leaving.push_back(static_cast<std::uint32_t>(i));
-        out.asks.push_back({ray, 0, first, count, w.contribution});
+        out.asks.push_back({ray, shadows.times.empty() ? 0.f : shadows.times[i], 0, first, count, w.contribution});
         continue;
       }
     }

@@ -60,6 +60,7 @@ void write(const Manifest& m, proto::Manifest& out) {
   out.set_total_triangles(m.total_triangles);
   write_box(m.bounds, out.mutable_bounds());
   out.set_content_hash(m.content_hash);
+  out.set_moves(m.moves);
 }
 
 // Null when all is well, else what is wrong.
@@ -100,6 +101,7 @@ const char* read(const proto::Manifest& in, Manifest& m) {
   m.total_triangles = in.total_triangles();
   if (!read_bounds(in.bounds(), m.bounds)) return "the scene's box is no box";
   m.content_hash = in.content_hash();
+  m.moves = in.moves();
   return nullptr;
 }
 

@@ -2,6 +2,7 @@
 
 #include <xxhash.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <system_error>
@@ -93,6 +94,23 @@ const char* bad_curves(const CurveArrays& c) {
   return nullptr;
 }
 
+const char* bad_motion(const Part& p) {
+  std::uint32_t before = 0;
+  for (const MotionRecord& r : p.motions) {
+    if (r.instance < before || r.instance >= p.instances.size()) return "a movement of no instance";
+    before = r.instance;
+    if (!(r.start_time <= r.end_time) || !usable(r.start_time) || !usable(r.end_time))
+      return "a movement's times are no times";
+    std::uint32_t interpolates;
+    std::memcpy(&interpolates, &r.interpolates, sizeof interpolates);
+    if (interpolates > 1) return "an unknown kind of movement";
+    for (const Mat4& m : {r.start, r.end})
+      if (!usable(Transform(m))) return "a movement is not finite or cannot be inverted";
+    if (!AnimatedTransform::can_move(r.start, r.end)) return "a movement turns its object inside out";
+  }
+  return nullptr;
+}
+
 const char* bad_content(const Part& p) {
   if (!all_usable(p.positions)) return "a position is not finite";
   if (!all_usable(p.normals)) return "a normal is not finite";
@@ -116,7 +134,8 @@ const char* bad_content(const Part& p) {
   }
   for (const InstanceRecord& r : p.instances)
     if (!usable(r.to_world)) return "an instance is not finite";
-  return bad_curves(p.curves);
+  if (const char* why = bad_curves(p.curves)) return why;
+  return bad_motion(p);
 }
 
 }  // namespace
@@ -128,6 +147,11 @@ SurfacePoint curve_point(const CurveArrays& curves, std::uint32_t segment, const
   if (group.placed) way = glm::inverse(glm::dmat3(Mat4(group.object_to_world.matrix()))) * way;
   const SurfacePoint s = surface_point(curves.piece(record), group.flip != 0, way, u, v);
   return group.placed ? transformed(s, group.object_to_world) : s;
+}
+
+std::span<const MotionRecord> motions_of(std::span<const MotionRecord> all, std::uint32_t instance) {
+  const auto found = std::ranges::equal_range(all, instance, {}, &MotionRecord::instance);
+  return {found.begin(), found.end()};
 }
 
 Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
@@ -177,6 +201,7 @@ Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const v
   p.curves.records = section<CurveRecord>(bytes, table[kCurves]);
   p.curves.segments = section<std::uint32_t>(bytes, table[kCurveSegments]);
   p.curves.groups = section<CurveGroup>(bytes, table[kCurveGroups]);
+  p.motions = section<MotionRecord>(bytes, table[kMotions]);
   p.owner = std::move(owner);
   if (const char* why = bad_content(p)) return failure(why);
   return p;

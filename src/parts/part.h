@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/animated_transform.h"
 #include "base/error.h"
 #include "base/id.h"
 #include "cloudrenderer/math.h"
@@ -39,7 +40,7 @@ struct QuadricRecord {
 };
 
 struct InstanceRecord {
-  Transform to_world;
+  Transform to_world;             // of one that moves: what follows after its movements
   std::uint32_t prototype = 0;    // index of the prototype blob
   std::uint32_t first_shape = 0;  // global shape id of the prototype's local shape 0 in this instance
 };
@@ -100,6 +101,19 @@ struct CurveArrays {
 
 // The point that a ray along `direction` found on a segment.
 SurfacePoint curve_point(const CurveArrays& curves, std::uint32_t segment, const Vec3& direction, float u, float v);
+// A movement of an instance. An instance may have several (something moves in an object that moves), one record each:
+// it takes prototype to world by to_world * first * second * ...
+struct MotionRecord {
+  Mat4 start, end;
+  float start_time = 0, end_time = 1;
+  std::uint32_t instance = 0;
+  AnimatedTransform::Interpolates interpolates = AnimatedTransform::Interpolates::forward;
+
+  AnimatedTransform transform() const { return {start, end, {start_time, end_time}, interpolates}; }
+};
+
+// The records of one instance, in a list that is in the order of the instances.
+std::span<const MotionRecord> motions_of(std::span<const MotionRecord> all, std::uint32_t instance);
 
 // The geometry of one part or one prototype: arrays, nothing built. The spans point into `owner` (a mapped file or a
 // block of memory), which the part shares. Triangle indices count from the part's first vertex. positions are
@@ -114,6 +128,7 @@ struct Part {
   std::span<const QuadricRecord> quadrics;
   std::span<const InstanceRecord> instances;
   CurveArrays curves;
+  std::span<const MotionRecord> motions;     // of instances that move, in their order
   std::shared_ptr<const void> owner;
 
   // The chunk that holds a triangle: a binary search.
@@ -161,6 +176,7 @@ struct Manifest {
   // AreaLightSource of every emissive shape, by running number (MeshChunk::light, QuadricRecord::light).
   std::vector<AreaLightId> shape_lights;
   std::uint64_t total_triangles = 0;      // distinct ones
+  bool moves = false;                     // some instance does: rays have a time
   Bounds3 bounds;                         // of the whole scene
   std::uint64_t content_hash = 0;         // of everything above and all part files: names this split
 };

@@ -52,10 +52,12 @@ struct PartBuilder::Layout {
   BulkArray<CurveRecord> curves;
   BulkArray<std::uint32_t> curve_segments;
   BulkArray<CurveGroup> curve_groups;
+  BulkArray<MotionRecord> motions;
   std::array<std::span<const std::byte>, kSectionCount> data;
   std::array<SectionEntry, kSectionCount> table;
   Header header;
 
+  std::span<const SectionEntry> entries() const { return std::span(table).first(header.section_count); }
   // Calls sink(bytes) with everything behind the header, in file order.
   template <class Sink>
   void content(const Sink& sink) const {
@@ -116,7 +118,13 @@ void PartBuilder::add_chunk(const MeshChunk& attributes, const ChunkData& data) 
 }
 
 void PartBuilder::add_quadric(const QuadricRecord& quadric) { quadrics_.push_back(quadric); }
-void PartBuilder::add_instance(const InstanceRecord& instance) { instances_.push_back(instance); }
+void PartBuilder::add_instance(const InstanceRecord& instance, std::span<const MotionRecord> motions) {
+  for (MotionRecord m : motions) {
+    m.instance = checked_u32(instances_.size());
+    motions_.push_back(m);
+  }
+  instances_.push_back(instance);
+}
 
 void PartBuilder::add_curve_piece(const CurveGroup& group, const CurveRecord& record, const CurvePiece& piece,
                                   std::span<const std::uint32_t> segments) {
@@ -157,7 +165,7 @@ std::uint64_t PartBuilder::predicted_bytes() const {
          chunks_.size() * sizeof(MeshChunk) + quadrics_.size() * kQuadric +
          instances_.size() * kInstance + bvh_base(curve_segments_.size()) + curve_segments_.size() * kCurveSegment +
          curves_.size() * sizeof(CurveRecord) + (curve_points_.size() + curve_normals_.size()) * sizeof(Vec3) +
-         curve_groups_.size() * kCurveGroup;
+         curve_groups_.size() * kCurveGroup + motions_.size() * kMotion;
 }
 
 PartBuilder::Layout PartBuilder::finish() {
@@ -174,12 +182,14 @@ PartBuilder::Layout PartBuilder::finish() {
            curves_.finish(),
            curve_segments_.finish(),
            curve_groups_.finish(),
+           motions_.finish(),
            {},
            {},
            {}};
   l.data = {raw(l.positions),     raw(l.normals), raw(l.uvs),      raw(l.triangles),
             raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances),
-            raw(l.curve_points), raw(l.curve_normals), raw(l.curves), raw(l.curve_segments), raw(l.curve_groups)};
+            raw(l.curve_points), raw(l.curve_normals), raw(l.curves), raw(l.curve_segments), raw(l.curve_groups),
+            raw(l.motions)};
   group_of_.clear();
   for (std::uint32_t s = kBaseSections; s < kSectionCount; ++s)
     if (!l.data[s].empty()) l.header.section_count = s + 1;

@@ -32,6 +32,8 @@ inline constexpr std::uint64_t kInstance = kBvhOther + kInstanceObject + sizeof(
 inline constexpr std::uint64_t kCurveSegment = kBvhOther + sizeof(std::uint32_t);
 inline constexpr std::uint64_t kCurvePiece = sizeof(CurveRecord) + 3 * sizeof(Vec3);
 inline constexpr std::uint64_t kCurveGroup = sizeof(CurveGroup) + 2 * 9 * sizeof(double);  // and the tracer's inverse
+// What a movement takes beside its instance: the record, and what the tracer makes of it.
+inline constexpr std::uint64_t kMotion = sizeof(MotionRecord) + sizeof(AnimatedTransform) + sizeof(Affine) + 64;
 
 // What a BVH takes beside its share a primitive: nodes that are not full, blocks of the allocator.
 constexpr std::uint64_t bvh_base(std::uint64_t primitives) {
@@ -68,7 +70,8 @@ class PartBuilder {
   // is not finite or a wrong index.
   void add_chunk(const MeshChunk& attributes, const ChunkData& data);
   void add_quadric(const QuadricRecord& quadric);
-  void add_instance(const InstanceRecord& instance);
+  // `motions`: how it moves, if it does; of these, `instance` is filled in.
+  void add_instance(const InstanceRecord& instance, std::span<const MotionRecord> motions = {});
   // Segments of one curve: `group` is what its pieces share; of each record shape, piece and width count. `points` are
   // four a record, `normals` two for ribbons; `segments` the numbers within the piece, in order.
   void add_curve_piece(const CurveGroup& group, const CurveRecord& record, const CurvePiece& piece,
@@ -102,6 +105,7 @@ class PartBuilder {
   BulkWriter<CurveGroup> curve_groups_;
   std::map<std::string, std::uint32_t> group_of_;  // by the group's bytes
   Vec3 last_point_{}, last_normal_{};               // of the curve piece before
+  BulkWriter<MotionRecord> motions_;
 };
 
 }  // namespace cloudrenderer

@@ -18,14 +18,17 @@ void gather(std::vector<T>& out, std::span<const T> from, std::span<const std::u
 }  // namespace
 
 PartMaker::PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
-                     std::uint64_t memory)
+                     std::span<const MotionRecord> motions, std::uint64_t memory)
     : view_(view),
       instances_(instances),
+      motions_(motions),
       chunk_triangles_(static_cast<std::size_t>(
           std::clamp<std::uint64_t>(memory / kWorkBytes, 1024, std::uint64_t{1} << 21))) {}
 
 float PartMaker::cost(const Item& item) const {
-  if (item.source == kInstanceItem) return static_cast<float>(loaded_bytes::kInstance);
+  if (item.source == kInstanceItem)
+    return static_cast<float>(loaded_bytes::kInstance +
+                              loaded_bytes::kMotion * motions_of(motions_, item.primitive).size());
   return view_.rows[item.source].item_bytes;
 }
 
@@ -36,7 +39,8 @@ void PartMaker::add(std::span<Item> items, PartBuilder& to) {
   for (std::size_t i = 0; i < items.size();) {
     const std::uint32_t source = items[i].source;
     if (source == kInstanceItem) {
-      to.add_instance(instances_[items[i++].primitive]);
+      const std::uint32_t n = items[i++].primitive;
+      to.add_instance(instances_[n], motions_of(motions_, n));
       continue;
     }
     const ShapeRow& row = view_.rows[source];

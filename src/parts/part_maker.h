@@ -15,7 +15,7 @@ class PartMaker {
  public:
   // `memory`: bytes that making one chunk may use.
   PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
-            std::uint64_t memory);
+            std::span<const MotionRecord> motions, std::uint64_t memory);
 
   // Sorts the items by shape and primitive and adds them.
   void add(std::span<Item> items, PartBuilder& to);
@@ -48,6 +48,7 @@ class PartMaker {
 
   Spool::View view_;
   std::span<const InstanceRecord> instances_;
+  std::span<const MotionRecord> motions_;  // of all instances
   std::size_t chunk_triangles_;
   // Of the chunk in work; kept to save allocations.
   std::vector<Triangle> triangles_;

@@ -5,13 +5,41 @@
 #include "shapes/geometry.h"
 
 namespace cloudrenderer {
+
+Placing::Placing(const Transform& start, const std::optional<Motion>& motion, Dialect dialect) {
+  if (!motion) {
+    fixed = start;
+    return;
+  }
+  using Way = AnimatedTransform::Interpolates;
+  moves.push_back({start.matrix(), motion->end.matrix(), motion->start_time, motion->end_time, 0,
+                   dialect == Dialect::v2 ? Way::inverse : Way::forward});
+}
+
+Placing operator*(const Placing& a, const Placing& b) {
+  Placing out = a;
+  if (a.moves.empty())
+    out.fixed = a.fixed * b.fixed;
+  else if (!b.fixed.is_identity())  // between two movements: one that goes nowhere
+    out.moves.push_back({b.fixed.matrix(), b.fixed.matrix(), 0, 0, 0, AnimatedTransform::Interpolates::forward});
+  out.moves.insert(out.moves.end(), b.moves.begin(), b.moves.end());
+  return out;
+}
+
+Bounds3 world_box(const Placing& placing, const Bounds3& box) {
+  if (placing.moves.empty()) return grown(box.transformed(placing.fixed));
+  std::vector<AnimatedTransform> moves;
+  for (const MotionRecord& m : placing.moves) moves.push_back(m.transform());
+  return grown(moved_bounds(placing.fixed_in_double(), moves, box));
+}
+
 SceneSpool::SceneSpool(const std::string& folder, double flatten_bytes, Warnings& warnings)
-    : flatten_bytes_(flatten_bytes), warnings_(warnings), spool_(folder), instances_(folder) {}
+    : flatten_bytes_(flatten_bytes), warnings_(warnings), spool_(folder), instances_(folder), motions_(folder) {}
 
 void SceneSpool::begin_object(ObjectId id, const std::string& name) {
   open_ = id;
   if (prototype_of_.try_emplace(id, static_cast<std::uint32_t>(prototypes_.size())).second)
-    prototypes_.push_back({name, {}, {}, 0, {}, 0});
+    prototypes_.emplace_back().name = name;
 }
 
 void SceneSpool::end_object(ObjectId) { open_ = ObjectId(); }
@@ -57,15 +85,23 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
   const auto found = shape.object ? prototype_of_.find(shape.object) : prototype_of_.end();
   PrototypeSpool* owner = found == prototype_of_.end() ? nullptr : &prototypes_[found->second];
   ShapeRow row;
-  row.shape = take_ids(owner, 1, shape.location);
+  const std::uint32_t id = take_ids(owner, 1, shape.location);
+  row.shape = id;
   row.prototype = owner ? found->second : kNone;
+  std::optional<Placing> placing;
+  if (shape.motion) {  // as in pbrt: the shape stands in a space of its own, which moves
+    placing.emplace(shape.object_to_world, shape.motion, scene.dialect);
+    shape.object_to_world = {};
+    row.shape = 0;
+    row.prototype = static_cast<std::uint32_t>(prototypes_.size());
+  }
   row.material = shape.material.value;
   row.flip = shape.reverse_orientation != shape.object_to_world.swaps_handedness() ? 1 : 0;
   if (owner && shape.area_light && !warned_emissive_object_) {
     warnings_.add(shape.location, "shapes of an object do not emit light");
     warned_emissive_object_ = true;
   }
-  const bool emits = shape.area_light && !owner;
+  const bool emits = shape.area_light && !owner && !placing;
   if (emits) row.light = static_cast<std::uint32_t>(shape_lights_.size());
 
   const ShapeGeometry geometry = make_geometry(shape, scene.dialect, warnings_);
@@ -99,10 +135,32 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
   if (added == kNone) return;
   shape.params.report_unused("Shape \"" + shape.type + "\"", warnings_, &warned_parameters_);
   if (emits) shape_lights_.push_back(shape.area_light);
-  if (owner) add_row(*owner, added, row);
+  if (placing) {
+    PrototypeSpool own;
+    own.name = shape.type;
+    own.is_shape = true;
+    own.shape_count = 1;
+    add_row(own, added, row);
+    const std::uint32_t outer = owner ? found->second : kNone;
+    prototypes_.push_back(std::move(own));  // moves what `owner` points to
+    if (outer == kNone)
+      add_instance(*placing, row.prototype, id);
+    else
+      prototypes_[outer].nested.push_back({row.prototype, *placing, id});
+  } else if (owner) {
+    add_row(*owner, added, row);
+  }
 }
 
-void SceneSpool::instance(const InstanceDesc& instance, const SceneDescription&) {
+void SceneSpool::add_instance(const Placing& placing, std::uint32_t prototype, std::uint32_t first_shape) {
+  for (MotionRecord m : placing.moves) {
+    m.instance = static_cast<std::uint32_t>(instances_.size());
+    motions_.push_back(m);
+  }
+  instances_.push_back({placing.fixed, prototype, first_shape});
+}
+
+void SceneSpool::instance(const InstanceDesc& instance, const SceneDescription& scene) {
   const auto found = prototype_of_.find(instance.object);
   if (found == prototype_of_.end() || instance.object == open_) {
     warnings_.add(instance.location, "instance of an object that is not complete; it is left out");
@@ -113,27 +171,27 @@ void SceneSpool::instance(const InstanceDesc& instance, const SceneDescription&)
                       instance.instance_to_world.is_invertible();
   if (!usable)
     warnings_.add(instance.location, "an instance's transform is singular; it is left out");
+  const Placing placing(instance.instance_to_world, instance.motion, scene.dialect);
   if (PrototypeSpool* outer = open_prototype()) {
-    if (usable) nest(*outer, index, instance);
+    if (usable) nest(*outer, index, instance, placing);
     return;
   }
   const std::uint32_t first = take_ids(nullptr, prototypes_[index].shape_count, instance.location);
-  if (usable) instances_.push_back({instance.instance_to_world, index, first});
+  if (usable) add_instance(placing, index, first);
 }
 
 void SceneSpool::nest(PrototypeSpool& outer, std::uint32_t inner_index,
-                      const InstanceDesc& instance) {
+                      const InstanceDesc& instance, const Placing& to_outer) {
   const PrototypeSpool& inner = prototypes_[inner_index];
-  const Transform& to_outer = instance.instance_to_world;
   const std::uint32_t first = take_ids(&outer, inner.shape_count, instance.location);
-  if (outer.bytes + inner.bytes <= flatten_bytes_) {
+  if (to_outer.moves.empty() && outer.bytes + inner.bytes <= flatten_bytes_) {
     const Spool::View view = spool_.map();
     for (const std::uint32_t r : inner.rows) {
       const ShapeRow source = view.rows[r];
       ShapeRow row;
       row.shape = first + source.shape;
       row.prototype = prototype_of_.at(open_);
-      const std::uint32_t number = spool_.add_moved(view, source, to_outer, row);
+      const std::uint32_t number = spool_.add_moved(view, source, to_outer.fixed, row);
       add_row(outer, number, row);
     }
   } else {

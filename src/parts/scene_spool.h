@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <set>
 #include <string>
 #include <unordered_map>
@@ -11,15 +12,30 @@
 
 namespace cloudrenderer {
 
+// Where an instance is: still, or moving, see MotionRecord.
+struct Placing {
+  Transform fixed;
+  std::vector<MotionRecord> moves;
+
+  Placing() = default;
+  Placing(const Transform& t) : fixed(t) {}  // NOLINT: what stands still is a place
+  Placing(const Transform& start, const std::optional<Motion>& motion, Dialect dialect);
+  Affine fixed_in_double() const { return Affine(fixed.matrix()); }
+  friend Placing operator*(const Placing& a, const Placing& b);
+};
+// The box of all that `box` covers while it moves.
+Bounds3 world_box(const Placing& placing, const Bounds3& box);
+
 // An ObjectBegin block as read.
 struct PrototypeSpool {
   // An instance inside the block that was too large to be copied into it: instances of the block
   // become instances of this one too.
   struct Nested {
     std::uint32_t prototype = 0;
-    Transform to_object;
+    Placing to_object;
     std::uint32_t first_shape = 0;  // local id of the nested prototype's local shape 0
   };
+  bool is_shape = false;  // not an ObjectBegin block but a shape that moves, and so stands in a space of its own
   std::string name;
   std::vector<std::uint32_t> rows;
   std::vector<Nested> nested;
@@ -45,6 +61,7 @@ class SceneSpool : public SceneSink {
   const std::vector<PrototypeSpool>& prototypes() const { return prototypes_; }
   // World instances; InstanceRecord::prototype counts in prototypes() here.
   SpoolArray<InstanceRecord>& instances() { return instances_; }
+  SpoolArray<MotionRecord>& motions() { return motions_; }  // of the above, in their order
   const std::vector<AreaLightId>& shape_lights() const { return shape_lights_; }
 
  private:
@@ -53,12 +70,14 @@ class SceneSpool : public SceneSink {
                               const SceneDescription& scene);
   PrototypeSpool* open_prototype();
   void add_row(PrototypeSpool& owner, std::uint32_t number, const ShapeRow& row);
-  void nest(PrototypeSpool& outer, std::uint32_t inner, const InstanceDesc& instance);
+  void add_instance(const Placing& placing, std::uint32_t prototype, std::uint32_t first_shape);
+  void nest(PrototypeSpool& outer, std::uint32_t inner, const InstanceDesc& instance, const Placing& to_outer);
 
   double flatten_bytes_;
   Warnings& warnings_;
   Spool spool_;
   SpoolArray<InstanceRecord> instances_;
+  SpoolArray<MotionRecord> motions_;
   std::vector<PrototypeSpool> prototypes_;
   std::unordered_map<ObjectId, std::uint32_t> prototype_of_;
   std::vector<AreaLightId> shape_lights_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <numeric>
 #include <set>
 #include <system_error>
 #include <vector>
@@ -91,6 +92,7 @@ class SceneSplitter::Work {
                std::min(kFlattenBytes, kLargePrototype * static_cast<double>(options.part_size)),
                warnings),
         records_(scratch_),
+        motions_(scratch_),
         items_(scratch_) {}
 
   SceneSink& sink() { return scene_; }
@@ -101,7 +103,7 @@ class SceneSplitter::Work {
   struct Piece {
     std::uint32_t blob = 0;
     std::uint32_t first_shape = 0;
-    Transform to_object;
+    Placing to_object;
   };
 
   void write_prototypes();
@@ -112,7 +114,7 @@ class SceneSplitter::Work {
   void write_main_scene(const std::vector<std::uint32_t>& rows);
   void write_world();
   bool write_part(std::span<Item> items, PartMaker& maker, bool accept_any);
-  PartMaker maker() { return {scene_.spool().map(), records_.map(), options_.memory / 4}; }
+  PartMaker maker() { return {scene_.spool().map(), records_.map(), motions_.map(), options_.memory / 4}; }
   // Room for triangles, quadrics and instances: less the largest fixed cost, as far as the size
   // allows.
   double capacity() const {
@@ -126,6 +128,7 @@ class SceneSplitter::Work {
   std::string scratch_;
   SceneSpool scene_;
   SpoolArray<InstanceRecord> records_;      // instances of blobs in the world
+  SpoolArray<MotionRecord> motions_;        // of those that move
   SpoolArray<Item> items_;                  // instances first, then triangles and quadrics
   std::vector<std::vector<Piece>> pieces_;  // by prototype as read
   std::vector<bool> in_main_;               // by row
@@ -155,19 +158,25 @@ Manifest SceneSplitter::Work::finish(SceneDescription description) {
 void SceneSplitter::Work::write_prototypes() {
   const std::vector<PrototypeSpool>& prototypes = scene_.prototypes();
   std::vector<std::uint32_t> uses(prototypes.size(), 0);
-  for (const InstanceRecord& i : scene_.instances().map()) ++uses[i.prototype];
+  std::vector<std::uint32_t> moving(prototypes.size(), 0);
+  const std::span<const InstanceRecord> instances = scene_.instances().map();
+  for (const InstanceRecord& i : instances) ++uses[i.prototype];
+  for (const MotionRecord& m : scene_.motions().map()) ++moving[instances[m.instance].prototype];
   const std::vector<std::uint32_t> world_uses = uses;
-  // An object refers only to objects before it.
+  // An object refers only to objects before it, and to shapes of its own that move.
   for (std::size_t p = prototypes.size(); p-- > 0;)
     if (uses[p] > 0)
       for (const PrototypeSpool::Nested& n : prototypes[p].nested) uses[n.prototype] += uses[p];
 
   pieces_.resize(prototypes.size());
-  for (std::uint32_t p = 0; p < prototypes.size(); ++p) {
+  std::vector<std::uint32_t> order(prototypes.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::ranges::stable_partition(order, [&](std::uint32_t p) { return prototypes[p].is_shape; });
+  for (const std::uint32_t p : order) {
     if (uses[p] == 0) continue;
     const bool large =
         prototypes[p].bytes > kLargePrototype * static_cast<double>(options_.part_size);
-    if (large && uses[p] == 1 && world_uses[p] == 1)
+    if (large && uses[p] == 1 && world_uses[p] == 1 && moving[p] == 0)
       move_into_world(p);
     else
       write_prototype(p);
@@ -228,19 +237,33 @@ void SceneSplitter::Work::move_into_world(std::uint32_t index) {
 
 void SceneSplitter::Work::expand_instances() {
   std::uint64_t count = 0;
-  for (const InstanceRecord& i : scene_.instances().map())
+  const std::span<const InstanceRecord> instances = scene_.instances().map();
+  const std::span<const MotionRecord> motions = scene_.motions().map();
+  for (std::uint32_t n = 0; n < instances.size(); ++n) {
+    const InstanceRecord& i = instances[n];
+    Placing to_world(i.to_world);
+    if (!motions.empty()) {
+      const std::span<const MotionRecord> own = motions_of(motions, n);
+      to_world.moves.assign(own.begin(), own.end());
+    }
     for (const Piece& piece : pieces_[i.prototype]) {
-      const InstanceRecord record{i.to_world * piece.to_object, piece.blob,
-                                  i.first_shape + piece.first_shape};
+      const Placing placing = to_world * piece.to_object;
+      const InstanceRecord record{placing.fixed, piece.blob, i.first_shape + piece.first_shape};
       if (count >= kNone) throw SceneError({}, "more than 2^32 instances");
-      const Item item{grown(manifest_.prototypes[piece.blob].bounds.transformed(record.to_world)),
-                      kInstanceItem, static_cast<std::uint32_t>(count)};
+      const Item item{world_box(placing, manifest_.prototypes[piece.blob].bounds), kInstanceItem,
+                      static_cast<std::uint32_t>(count)};
       if (!is_finite(item.box.min) || !is_finite(item.box.max)) continue;
+      for (MotionRecord m : placing.moves) {
+        m.instance = static_cast<std::uint32_t>(count);
+        motions_.push_back(m);
+      }
       ++count;
       records_.push_back(record);
       items_.push_back(item);
       instance_box_.extend(item.box);
     }
+  }
+  manifest_.moves = motions_.size() != 0;
 }
 
 // Rows of the shapes that every host holds. Marks them in in_main_.

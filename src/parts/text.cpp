@@ -36,14 +36,27 @@ class PartText {
     for (const MeshChunk& c : part.chunks) mesh(part, c);
     for (const QuadricRecord& q : part.quadrics) quadric(q);
     curves(part.curves);
-    for (const InstanceRecord& i : part.instances) {
+    for (std::uint32_t n = 0; n < part.instances.size(); ++n) {
+      const InstanceRecord& i = part.instances[n];
       out_ << "AttributeBegin\n";
-      write_transform(out_, i.to_world);
+      place(i, motions_of(part.motions, n));
       out_ << "ObjectInstance \"p" << i.prototype << "\"\nAttributeEnd\n";
     }
   }
 
  private:
+  // The text of one movement in another is that of both ends: pbrt interpolates between them, we move by both.
+  void place(const InstanceRecord& i, std::span<const MotionRecord> motions) {
+    if (motions.empty()) return write_transform(out_, i.to_world);
+    Mat4 start = i.to_world.matrix(), end = start;
+    for (const MotionRecord& m : motions) {
+      start = start * m.start;
+      end = end * m.end;
+    }
+    if (motions.size() > 1 || !i.to_world.is_identity())
+      out_ << "# a movement in a movement: the ends are right, what is between them nearly\n";
+    write_motion(out_, Transform(start), Transform(end));
+  }
   void begin_shape(std::uint32_t material, std::uint32_t light, bool reverse) {
     const SceneDescription& scene = manifest_.scene;
     out_ << "AttributeBegin\n";

@@ -105,8 +105,8 @@ struct InstanceDesc {
   // inside an object carry the CTM of their place in the ObjectBegin block as object_to_world, as
   // in pbrt.)
   Transform instance_to_world;
-  std::optional<Motion> motion;  // of instance_to_world
-  FileLocation location;
+  FileLocation location{};
+  std::optional<Motion> motion = {};  // of instance_to_world
 };
 
 // Receives the geometry of a scene while it is read, in file order; nothing is kept by the parser,

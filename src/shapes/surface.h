@@ -91,4 +91,16 @@ inline SurfacePoint transformed(const SurfacePoint& s, const Transform& to_world
   return out;
 }
 
+// How far the ray that starts at a world point p may be from p once it is in a prototype's space and taken back again:
+// by the rounding of the inverse transform, and of the point's way through it.
+inline Vec3 inverse_error(const Vec3& p, const Transform& to_world) {
+  const auto row = [](const Mat4& m, int i) { return glm::abs(Vec3(m[0][i], m[1][i], m[2][i])); };
+  Vec3 local, world;
+  for (int i = 0; i < 3; ++i)
+    local[i] = rounding_gamma(5) * (glm::dot(row(to_world.inverse_matrix(), i), glm::abs(p)) +
+                                    std::abs(to_world.inverse_matrix()[3][i]));
+  for (int i = 0; i < 3; ++i) world[i] = glm::dot(row(to_world.matrix(), i), local);
+  return world;
+}
+
 }  // namespace cloudrenderer

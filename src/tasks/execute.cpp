@@ -266,17 +266,20 @@ void resume(const ParkedPath& p, WorkResult& r, EndsByOwner& ends) {
             p.segment.radiance});
 }
 
+constexpr std::span<const float> kNoTimes;
+
 // Asks gathered for one destination.
 struct AskBucket {
   std::vector<OcclusionRay> rays;
+  std::vector<float> times;
   ParkedAsks asks;
 };
 
 class AskSorter {
  public:
-  AskSorter(const Routing& routing, WorkResult& r)
-      : routing_(routing), result_(r), buckets_(routing) {}
-  void add(const OcclusionRay& ray, const ParkedPath& path, const Fixed3& contribution,
+  AskSorter(const PathEngine& engine, const Routing& routing, WorkResult& r)
+      : motion_(engine.has_motion()), routing_(routing), result_(r), buckets_(routing) {}
+  void add(const OcclusionRay& ray, float time, const ParkedPath& path, const Fixed3& contribution,
            std::span<PartId> parts) {
     // What other hosts hold is asked of them first: to load a part is the dearest way.
     if (routing_.paging())
@@ -286,6 +289,7 @@ class AskSorter {
     const Routing::Slot s = paged ? Routing::kNoSlot : cover_first(parts, routing_);
     AskBucket& b = paged ? pages_[parts[0].value] : buckets_.at(s);
     b.rays.push_back(ray);
+    if (motion_) b.times.push_back(time);
     b.asks.paths.push_back(path);
     b.asks.contributions.push_back(contribution);
     b.asks.parts.insert(b.asks.parts.end(), parts.begin(), parts.end());
@@ -309,9 +313,11 @@ class AskSorter {
   void close(To to, AskBucket& b, std::vector<Leaving>& out) {
     if (b.rays.empty()) return;
     b.asks.rays = std::make_shared<const std::vector<OcclusionRay>>(std::move(b.rays));
+    if (motion_) b.asks.times = std::make_shared<const std::vector<float>>(std::move(b.times));
     out.push_back({to, std::move(b.asks)});
     b = {};
   }
+  bool motion_;
   const Routing& routing_;
   WorkResult& result_;
   Buckets<AskBucket> buckets_;
@@ -338,7 +344,7 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
   EndsByOwner ends(r);
   ends.add(std::move(out.ended));
   if (out.parked.empty()) return r;
-  AskSorter sorter(*work.routing, r);
+  AskSorter sorter(engine, *work.routing, r);
   std::vector<std::uint8_t> asked(out.parked.size());
   std::vector<PartId> parts;
   for (const ShadowAsk& a : out.asks) {
@@ -346,7 +352,7 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
     for (std::uint32_t i = 0; i < a.part_count; ++i)
       parts.emplace_back(out.ask_parts[a.pending + i]);
     asked[a.parked] = 1;
-    sorter.add(a.ray, out.parked[a.parked], a.contribution, parts);
+    sorter.add(a.ray, a.time, out.parked[a.parked], a.contribution, parts);
   }
   for (std::size_t i = 0; i < out.parked.size(); ++i)
     if (!asked[i]) resume(out.parked[i], r, ends);
@@ -363,9 +369,10 @@ WorkResult run(const PathEngine& engine, Work& work, OccludeWork& w) {
     reply.count = static_cast<std::uint32_t>(n);
     reply.blocked.resize((n + 63) / 64);
     std::size_t i = 0;
-    for (const auto& chunk : a.block.chunks) {
+    for (std::size_t k = 0; k < a.block.chunks.size(); ++k) {
+      const auto& chunk = a.block.chunks[k];
       blocked.assign(chunk->size(), 0);
-      engine.occluded(*chunk, blocked);
+      engine.occluded(*chunk, a.block.times.empty() ? kNoTimes : std::span<const float>(*a.block.times[k]), blocked);
       for (const std::uint8_t b : blocked) {
         if (b) reply.blocked[i / 64] |= std::uint64_t{1} << (i % 64);
         ++i;
@@ -379,7 +386,7 @@ WorkResult run(const PathEngine& engine, Work& work, OccludeWork& w) {
 WorkResult run(const PathEngine& engine, Work& work, ResolveWork& w) {
   WorkResult r;
   EndsByOwner ends(r);
-  AskSorter sorter(*work.routing, r);
+  AskSorter sorter(engine, *work.routing, r);
   std::vector<std::uint8_t> local;
   std::vector<bool> resident;
   std::vector<PartId> parts;
@@ -392,7 +399,7 @@ WorkResult run(const PathEngine& engine, Work& work, ResolveWork& w) {
     for (ParkedAsks& asks : answered.asks) {
       if (here) {
         local.assign(asks.size(), 0);
-        resident = engine.occluded(*asks.rays, local);
+        resident = engine.occluded(*asks.rays, asks.times ? std::span<const float>(*asks.times) : kNoTimes, local);
       }
       const auto answered_for = [&](PartId p) {
         if (here) return p.value < resident.size() && resident[p.value];
@@ -406,7 +413,7 @@ WorkResult run(const PathEngine& engine, Work& work, ResolveWork& w) {
           for (std::uint32_t p = k == 0 ? 0 : asks.part_end[k - 1]; p < asks.part_end[k]; ++p)
             if (!answered_for(asks.parts[p])) parts.push_back(asks.parts[p]);
           if (!parts.empty()) {
-            sorter.add((*asks.rays)[k], path, asks.contributions[k], parts);
+            sorter.add((*asks.rays)[k], asks.times ? (*asks.times)[k] : 0.f, path, asks.contributions[k], parts);
             continue;
           }
           for (std::size_t c = 0; c < 3; ++c) path.segment.radiance[c] += asks.contributions[k][c];

@@ -26,6 +26,7 @@ struct KeptSegments {
 // Paths that wait for one answer each; arrays of equal length but for `parts`.
 struct ParkedAsks {
   wire::RayChunk rays;
+  wire::TimeChunk times;  // of the rays; null where nothing moves
   std::vector<ParkedPath> paths;
   std::vector<Fixed3> contributions;  // added when the ray is free
   std::vector<std::uint32_t>

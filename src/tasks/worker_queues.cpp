@@ -186,6 +186,7 @@ void WorkerCore::send_asks(HostId to, Gather& g) {
     while (i < chunks.size() && n < 4 * options_.block_segments) {
       n += chunks[i].size();
       block.chunks.push_back(chunks[i].rays);
+      if (chunks[i].times) block.times.push_back(chunks[i].times);
       kept.push_back(std::move(chunks[i++]));
     }
     move(id, f_submitted);

@@ -25,6 +25,7 @@ struct TraceRay {
   Vec3 origin;
   float t_max = kInfinity;
   Vec3 direction;
+  float time = 0;  // of the path; matters to instances that move
 };
 
 // Eight rays in lanes.
@@ -32,6 +33,7 @@ struct RayPacket {
   Vec3x8 origin;
   Float8 t_max;
   Vec3x8 direction;
+  const float* times = nullptr;  // eight; null: 0
 };
 // Whether the rays of a packet start and go alike; says how to trace them, not what is found.
 enum class Coherence : std::uint8_t { alike, any };

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "parts/part_builder.h"
+#include "parts/spool.h"
 #include "shapes/geometry.h"
 #include "shapes/surface.h"
 #include "trace/user_geometry.h"
@@ -55,6 +56,53 @@ void quadric_occluded(const RTCOccludedFunctionNArguments* args) {
     if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
     if (self->has_alpha() && !self->opaque(kQuadrics, args->primID, 0, 0, r.origin, r.direction, found.t, true)) continue;
     RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
+  }
+}
+
+void moving_bounds(const RTCBoundsFunctionArguments* args) {
+  const Bounds3& b = static_cast<const LoadedPart*>(args->geometryUserPtr)->moving(args->primID).bounds;
+  *args->bounds_o = {b.min.x, b.min.y, b.min.z, 0, b.max.x, b.max.y, b.max.z, 0};
+}
+
+// A ray of a lane in the space of an instance, as it is at the ray's time. False for one that Embree must not see.
+bool enter(const LoadedPart::Moving& m, const QueryContext& context, const LaneRay& r, unsigned id, RTCRay& out) {
+  const Transform to_object = m.to_world(context.times ? context.times[id] : 0.f).inverse();
+  const Vec3 o = to_object.point(r.origin), d = to_object.vector(r.direction);
+  out = {o.x, o.y, o.z, r.t_near, d.x, d.y, d.z, 0, r.t_far, 0xffffffffu, id, 0};
+  return traceable(o, d);
+}
+
+void moving_intersect(const RTCIntersectFunctionNArguments* args) {
+  auto* context = reinterpret_cast<QueryContext*>(args->context);
+  const LoadedPart::Moving& m = static_cast<const LoadedPart*>(args->geometryUserPtr)->moving(args->primID);
+  RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
+  for (unsigned i = 0; i < args->N; ++i) {
+    if (!args->valid[i]) continue;
+    RTCRayHit rh;
+    if (!enter(m, *context, lane_ray(rays, args->N, i), RTCRayN_id(rays, args->N, i), rh.ray)) continue;
+    rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    // Hits in there carry this number, and the filter judges them as those of any instance.
+    args->context->instID[0] = kFirstInstance + m.instance;
+    rtcIntersect1(m.prototype->scene(), args->context, &rh);
+    args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
+    if (rh.hit.geomID == RTC_INVALID_GEOMETRY_ID) continue;
+    RTCRayN_tfar(rays, args->N, i) = rh.ray.tfar;
+    rtcCopyHitToHitN(RTCRayHitN_HitN(args->rayhit, args->N), &rh.hit, args->N, i);
+  }
+}
+
+void moving_occluded(const RTCOccludedFunctionNArguments* args) {
+  const auto* context = reinterpret_cast<const QueryContext*>(args->context);
+  const LoadedPart::Moving& m = static_cast<const LoadedPart*>(args->geometryUserPtr)->moving(args->primID);
+  for (unsigned i = 0; i < args->N; ++i) {
+    if (!args->valid[i]) continue;
+    RTCRay ray;
+    if (!enter(m, *context, lane_ray(args->ray, args->N, i), RTCRayN_id(args->ray, args->N, i), ray)) continue;
+    args->context->instID[0] = kFirstInstance + m.instance;
+    rtcOccluded1(m.prototype->scene(), args->context, &ray);
+    args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
+    if (ray.tfar < 0.f) RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
   }
 }
 
@@ -128,7 +176,8 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
                   part_.triangles.size_bytes() + part_.primitive_ids.size_bytes() + part_.chunks.size_bytes() +
                   part_.quadrics.size_bytes() + part_.instances.size_bytes() + loaded_bytes::kSceneObject +
                   part_.quadrics.size() * sizeof(BoundingSphere) + part_.curves.size_bytes() +
-                  part_.curves.groups.size() * sizeof(glm::dmat3) +
+                  part_.curves.groups.size() * sizeof(glm::dmat3) + part_.motions.size_bytes() +
+                  part_.motions.size() * (sizeof(AnimatedTransform) + sizeof(Affine)) +
                   part_.instances.size() * loaded_bytes::kInstanceObject;
   const std::uint64_t before = device_->bytes();
   device_->add_shared(static_cast<std::int64_t>(shared_bytes_));
@@ -142,6 +191,7 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
   add_triangles();
   add_quadrics();
   add_curves();
+  add_moving();
   add_instances();
   few_quadrics_ = part_.triangles.empty() && part_.instances.empty() && part_.curves.segments.empty() && part_.quadrics.size() <= 4;
   rtcCommitScene(scene_.get());
@@ -206,6 +256,7 @@ void LoadedPart::add_instances() {
     const InstanceRecord& record = part_.instances[i];
     if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
       throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
+    if (!part_.motions.empty() && moving_instance(static_cast<std::uint32_t>(i))) continue;
     const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_INSTANCE));
     rtcSetGeometryInstancedScene(g.get(), prototypes_[record.prototype]->scene());
     rtcSetGeometryTimeStepCount(g.get(), 1);
@@ -214,6 +265,39 @@ void LoadedPart::add_instances() {
     rtcAttachGeometryByID(scene_.get(), g.get(), kFirstInstance + static_cast<unsigned>(i));
   }
   device_->check("instances");
+}
+
+void LoadedPart::add_moving() {
+  if (part_.motions.empty()) return;
+  for (const MotionRecord& m : part_.motions) {
+    if (moving_.empty() || moving_.back().instance != m.instance) {
+      const InstanceRecord& record = part_.instances[m.instance];
+      if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
+        throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
+      moving_.push_back({m.instance, prototypes_[record.prototype].get(), Affine(record.to_world.matrix()), {}, {}});
+    }
+    moving_.back().moves.push_back(m.transform());
+  }
+  for (Moving& m : moving_) {
+    RTCBounds b;
+    rtcGetSceneBounds(m.prototype->scene(), &b);
+    const Bounds3 box{{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
+    m.bounds = grown(moved_bounds(m.fixed, m.moves, box));
+  }
+  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
+  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(moving_.size()));
+  rtcSetGeometryUserData(g.get(), this);
+  rtcSetGeometryBoundsFunction(g.get(), moving_bounds, nullptr);
+  rtcSetGeometryIntersectFunction(g.get(), moving_intersect);
+  rtcSetGeometryOccludedFunction(g.get(), moving_occluded);
+  rtcCommitGeometry(g.get());
+  rtcAttachGeometryByID(scene_.get(), g.get(), kFirstInstance + static_cast<unsigned>(part_.instances.size()));
+  device_->check("moving instances");
+}
+
+const LoadedPart::Moving* LoadedPart::moving_instance(std::uint32_t instance) const {
+  const auto found = std::ranges::lower_bound(moving_, instance, {}, &Moving::instance);
+  return found != moving_.end() && found->instance == instance ? &*found : nullptr;
 }
 
 void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,

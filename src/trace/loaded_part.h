@@ -8,7 +8,7 @@
 
 namespace cloudrenderer {
 
-// Geometry numbers in every scene: triangles, quadrics, curves, then one for each instance.
+// Geometry numbers in every scene: triangles, quadrics, curves, then one for each instance; one more for those that move.
 inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = 2, kFirstInstance = 3;
 
 class LoadedPart {
@@ -24,6 +24,19 @@ class LoadedPart {
     return *prototypes_[part_.instances[instance].prototype];
   }
   RTCScene scene() const { return scene_.get(); }
+
+  // An instance that moves. To Embree it is a primitive of a user geometry, whose rays we take into its space ourselves,
+  // one by one: packets and single rays find the same bits, and shading has exactly the transformation that traced.
+  struct Moving {
+    std::uint32_t instance = 0;
+    const LoadedPart* prototype = nullptr;
+    Affine fixed;
+    std::vector<AnimatedTransform> moves;
+    Bounds3 bounds;  // over all times
+    Transform to_world(float time) const { return placed(fixed, moves, time); }
+  };
+  const Moving& moving(std::uint32_t number) const { return moving_[number]; }
+  const Moving* moving_instance(std::uint32_t instance) const;  // null: it stands still
   std::uint64_t bytes() const { return bytes_; }
   bool has_alpha() const { return has_alpha_; }
   // Curves (curves.cpp): a segment's hit, in the space of the part; its box.
@@ -59,6 +72,7 @@ class LoadedPart {
   void add_curves();
   bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow) const;
   void add_instances();
+  void add_moving();
 
   std::shared_ptr<Device> device_;
   const AlphaFunction& alpha_;
@@ -72,6 +86,7 @@ class LoadedPart {
   };
   std::vector<BoundingSphere> around_;  // of each quadric
   std::vector<glm::dmat3> curve_to_object_;  // of each group of curves
+  std::vector<Moving> moving_;          // in the order of instances
   std::uint64_t shared_bytes_ = 0;  // arrays and objects that Embree's memory monitor does not see
   std::uint64_t bytes_ = 0;
   SceneHandle scene_;
@@ -111,6 +126,7 @@ struct QueryContext {
     std::uint32_t geometry, index, instance, shape, primitive;
   };
   Lane* lanes = nullptr;
+  const float* times = nullptr;  // of each lane; null: 0
 };
 // Where a ray must end so that a hit at t is still offered. Embree compares numerators (T <= |den| * t_far), which
 // loses half of the hits that tie with the best one by rounding; and the box of a triangle that ties at a vertex may begin

@@ -13,12 +13,13 @@ QueryContext::Lane lane_of(const Hit& hit) {
   return {hit.t, kForeign, 0, kForeign, hit.shape, hit.primitive};
 }
 
-QueryContext make_context(const LoadedPart& part, QueryContext::Lane* lanes, bool coherent) {
+QueryContext make_context(const LoadedPart& part, QueryContext::Lane* lanes, bool coherent, const float* times) {
   QueryContext c;
   rtcInitIntersectContext(&c.embree);
   if (coherent) c.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   c.part = &part;
   c.lanes = lanes;
+  c.times = times;
   return c;
 }
 
@@ -88,12 +89,19 @@ const Part& ResidentSet::prototype(std::uint32_t part, std::uint32_t instance) c
   return parts_[part]->prototype(instance).part();
 }
 
+const Transform& ResidentSet::place(std::uint32_t part, std::uint32_t instance, float time, Transform& moved) const {
+  const LoadedPart& p = *parts_[part];
+  if (!p.part().motions.empty())
+    if (const LoadedPart::Moving* m = p.moving_instance(instance)) return moved = m->to_world(time);
+  return p.part().instances[instance].to_world;
+}
+
 bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit) const {
   const LoadedPart& part = *parts_[part_id];
   const float t_far = std::min(ray.t_max, reach(hit.t));
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, t_far)) return false;
   QueryContext::Lane lane = lane_of(hit);
-  QueryContext context = make_context(part, &lane, false);
+  QueryContext context = make_context(part, &lane, false, &ray.time);
   RTCRayHit rh;
   rh.ray = single_ray(ray, t_far);
   rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -113,7 +121,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
   active = that_may_hit(part, rays, active, t_far);
   if (!active) return;
   QueryContext::Lane lanes[8];
-  QueryContext context = make_context(part, lanes, coherence == Coherence::alike);
+  QueryContext context = make_context(part, lanes, coherence == Coherence::alike, rays.times);
   RTCRayHit8 rh;
   alignas(32) int valid[8];
   fill(rh.ray, valid, rays, active, t_far);
@@ -131,7 +139,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
 bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
   const LoadedPart& part = *parts_[part_id];
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, ray.t_max)) return false;
-  QueryContext context = make_context(part, nullptr, false);
+  QueryContext context = make_context(part, nullptr, false, &ray.time);
   RTCRay r = single_ray(ray, ray.t_max);
   rtcOccluded1(part.scene(), &context.embree, &r);
   return r.tfar < 0;
@@ -142,7 +150,7 @@ std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const RayPacket& ray
   active = that_may_hit(part, rays, active, rays.t_max);
   if (!active) return 0;
   // Even to one light rays part early enough that Embree's way for coherent packets takes half as long again.
-  QueryContext context = make_context(part, nullptr, false);
+  QueryContext context = make_context(part, nullptr, false, rays.times);
   RTCRay8 r;
   alignas(32) int valid[8];
   fill(r, valid, rays, active, rays.t_max);

@@ -27,6 +27,8 @@ class ResidentSet {
   bool has(std::uint32_t part) const { return part < parts_.size() && parts_[part] != nullptr; }
   const Part& part(std::uint32_t part) const;
   const Part& prototype(std::uint32_t part, std::uint32_t instance) const;
+  // Where an instance is at a time: its record's own transformation, or, if it moves, `moved`, which is filled in.
+  const Transform& place(std::uint32_t part, std::uint32_t instance, float time, Transform& moved) const;
 
   // Nearest hit in one part with t <= hit.t that comes before `hit` in the order (t, shape, primitive); updates hit
   // and returns true if there is one. The ray is traceable().

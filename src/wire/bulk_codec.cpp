@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cstring>
+#include <limits>
 
 #include "wire/codec.h"
 
@@ -93,6 +94,7 @@ std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes) {
   if (columns & kColumnMedium) n += 2;
   return n;
 }
+std::size_t ray_bytes(const SubmitControl& c) { return sizeof(OcclusionRay) + (c.times() ? sizeof(float) : 0); }
 std::size_t end_bytes(std::size_t radiance_bytes) { return 16 + 3 * radiance_bytes; }
 std::size_t miss_bytes(const ReplyControl& c) { return c.windows() ? 10 : 8; }
 std::size_t words(std::size_t bits) { return (bits + 63) / 64; }
@@ -184,10 +186,9 @@ Result<Message> read_segments(SubmitTask m, const SubmitControl& c,
 
 Result<Message> read_rays(SubmitTask m, const SubmitControl& c, std::span<const std::byte> bulk) {
   const std::size_t n = c.count();
-  if (n == 0 || bulk.size() != n * sizeof(OcclusionRay))
-    return failure("rays have the wrong length");
+  if (n == 0 || bulk.size() != n * ray_bytes(c)) return failure("rays have the wrong length");
   auto rays = std::make_shared<std::vector<OcclusionRay>>(n);
-  std::memcpy(rays->data(), bulk.data(), bulk.size());
+  std::memcpy(rays->data(), bulk.data(), n * sizeof(OcclusionRay));
   for (const OcclusionRay& r : *rays) {
     if (!within(r.origin, kMaxCoordinate))
       return failure("a ray's origin is not finite or too far away");
@@ -195,6 +196,13 @@ Result<Message> read_rays(SubmitTask m, const SubmitControl& c, std::span<const 
     if (!at_least_zero(r.t_max)) return failure("a ray's length is negative or no number");
   }
   OcclusionBlock block;
+  if (c.times()) {
+    auto times = std::make_shared<std::vector<float>>(n);
+    std::memcpy(times->data(), bulk.data() + n * sizeof(OcclusionRay), n * sizeof(float));
+    for (const float t : *times)
+      if (!within(t, std::numeric_limits<float>::max())) return failure("a ray's time is not finite");
+    block.times.push_back(std::move(times));
+  }
   block.chunks.push_back(std::move(rays));
   m.payload = std::move(block);
   return Message(std::move(m));
@@ -230,7 +238,9 @@ SubmitControl control_of(const SubmitTask& m) {
     c.set_radiance_bytes(scan.bytes());
   } else {
     c.set_category(INTERSECTION);
-    c.set_count(static_cast<std::uint32_t>(std::get<OcclusionBlock>(m.payload).size()));
+    const auto& rays = std::get<OcclusionBlock>(m.payload);
+    c.set_count(static_cast<std::uint32_t>(rays.size()));
+    c.set_times(!rays.times.empty());
   }
   return c;
 }
@@ -281,7 +291,7 @@ std::size_t bulk_bytes(const SubmitTask&, const SubmitControl& c) {
     case TRACER:
       return c.count() * segment_bytes(c.columns(), c.radiance_bytes());
     case INTERSECTION:
-      return c.count() * sizeof(OcclusionRay);
+      return c.count() * ray_bytes(c);
     default:
       return 0;
   }
@@ -306,6 +316,7 @@ void write_bulk(const SubmitTask& m, const SubmitControl& c, std::span<std::byte
   if (const auto* rays = std::get_if<OcclusionBlock>(&m.payload)) {
     for (const auto& chunk : rays->chunks)
       w.put_low(chunk->data(), chunk->size() * sizeof(OcclusionRay));
+    for (const auto& chunk : rays->times) w.put_low(chunk->data(), chunk->size() * sizeof(float));
     return;
   }
   const auto* block = std::get_if<SegmentBlock>(&m.payload);

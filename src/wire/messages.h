@@ -42,6 +42,7 @@ inline constexpr ColumnSet kAllColumns = 31;
 // of its chunks; a decoded block has one chunk.
 using SegmentChunk = std::shared_ptr<const std::vector<PathSegment>>;
 using RayChunk = std::shared_ptr<const std::vector<OcclusionRay>>;
+using TimeChunk = std::shared_ptr<const std::vector<float>>;
 
 struct SegmentBlock {
   ColumnSet columns = kAllColumns;
@@ -54,6 +55,7 @@ struct SegmentBlock {
 };
 struct OcclusionBlock {
   std::vector<RayChunk> chunks;
+  std::vector<TimeChunk> times;  // of the rays, chunk by chunk; empty in jobs where nothing moves
   std::size_t size() const {
     std::size_t n = 0;
     for (const auto& c : chunks) n += c->size();

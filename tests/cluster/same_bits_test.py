@@ -1,4 +1,5 @@
 """The picture does not depend on the cluster: the same bits for any number of hosts and threads, and any split."""
+import moving_scene
 import numpy as np
 import support
 
@@ -39,6 +40,23 @@ class SameBits(support.ClusterTest):
             self.assertGreater(sum(h["paged_in"] for h in found["hosts"]), 0, "nothing was paged")
         self.check(wanted, "unsplit", support.SCENE, "--threads", 2)
         self.check(wanted, "unsplit-two", support.SCENE, "--hosts", 2, "--threads", 1, "--part-size", "2MiB")
+
+    def test_what_moves(self):
+        scene, split = self.folder / "moving.pbrt", self.folder / "moving"
+        scene.write_text(moving_scene.text())
+        wanted, _ = self.render("unsplit-moving", scene)
+        self.assertEqual(self.run_program("split", scene, "-o", split, "--part-size", "128KiB").code, 0)
+        one, report = self.render("split-moving", split, "--threads", 1)
+        self.assertTrue(np.array_equal(one, wanted))
+        share, asked = int(report["hosts"][0]["memory_peak"] * 0.6), 0
+        for hosts in (2, 5):
+            image, report = self.render(f"{hosts}-moving", split, "--hosts", hosts, "--threads", 1, "--memory", share)
+            self.assertTrue(np.array_equal(image, wanted), f"the picture of {hosts} hosts differs")
+            self.assertTrue(report["bit_exact"])
+            self.assertEqual(report["invalid_samples"], 0)
+            self.assertGreater(report["rays"]["moved"], 0)
+            asked += report["rays"]["shadow_asked"]
+        self.assertGreater(asked, 0, "no shadow ray was asked of another host")
 
     def test_another_seed_is_another_picture(self):
         a, _ = self.render("a", support.SCENE, "--spp", 2, "--resolution", "40x40")

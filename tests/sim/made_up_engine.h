@@ -67,7 +67,7 @@ class MadeUpEngine final : public PathEngine {
     }
   }
 
-  std::vector<bool> occluded(std::span<const OcclusionRay> rays,
+  std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<const float>,
                              std::span<std::uint8_t> blocked) const override {
     for (std::size_t i = 0; i < rays.size(); ++i) {
       blocked[i] = 0;
