@@ -188,7 +188,7 @@ float field_of_view(const CameraDesc& desc) {
 }  // namespace
 
 void Camera::place(float time, CameraRay& ray) const {
-  const Transform to_world = motion_->at(time).rounded();
+  const Transform to_world = placed(Affine(), {&*motion_, 1}, time);
   ray.origin = to_world.point(ray.origin);
   ray.direction = glm::normalize(to_world.vector(ray.direction));
   ray.cone_width *= scale_;

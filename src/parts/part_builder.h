@@ -28,7 +28,7 @@ inline constexpr std::uint64_t kInstanceObject = 320;
 inline constexpr std::uint64_t kQuadric = kBvhOther + kQuadricSphere + sizeof(QuadricRecord);
 inline constexpr std::uint64_t kInstance = kBvhOther + kInstanceObject + sizeof(InstanceRecord);
 // What a movement takes beside its instance: the record, and what the tracer makes of it.
-inline constexpr std::uint64_t kMotion = sizeof(MotionRecord) + sizeof(AnimatedTransform) + sizeof(Affine) + 64;
+inline constexpr std::uint64_t kMotion = sizeof(MotionRecord) + sizeof(AnimatedTransform) + 320;
 
 // What a BVH takes beside its share a primitive: nodes that are not full, blocks of the allocator.
 constexpr std::uint64_t bvh_base(std::uint64_t primitives) {
