@@ -78,7 +78,8 @@ TEST(AnimatedTransform, GoesStraightAndTurnsAtAConstantSpeed) {
       // The ends are given in float.
       EXPECT_LT(difference(forward.at(time), k.linear(f), k.offset(f)), 2e-5);
       EXPECT_LT(difference(backward.at(time).inverse(), k.linear(f), k.offset(f)), 2e-4);
-      const Transform both = forward.at(time).rounded();
+      const Transform both = placed(Affine(), {&forward, 1}, time);
+      EXPECT_EQ(both.inverse_matrix(), entering(Affine(), {&forward, 1}, time));
       EXPECT_LT(difference(Affine(both.matrix()) * Affine(both.inverse_matrix()), DMat3(1.0), DVec3(0.0)), 1e-5);
     }
   }
@@ -88,10 +89,10 @@ TEST(AnimatedTransform, StandsStillBeforeAndAfter) {
   const Mat4 start = matrix(turn({1, 2, 3}, 0.4), {1, 2, 3}), end = matrix(turn({3, 2, 1}, 2.0) * 2.0, {5, 2, 3});
   for (const Way way : {Way::forward, Way::inverse}) {
     const AnimatedTransform a(start, end, {-1, 3}, way), jump(start, end, {2, 2}, way);
-    for (const float t : {-kInfinity, -7.f, -1.f}) EXPECT_EQ(a.at(t).rounded().matrix(), start);
-    for (const float t : {3.f, 8.f, kInfinity}) EXPECT_EQ(a.at(t).rounded().matrix(), end);
-    EXPECT_EQ(jump.at(2.f).rounded().matrix(), start);
-    EXPECT_EQ(jump.at(2.001f).rounded().matrix(), end);
+    for (const float t : {-kInfinity, -7.f, -1.f}) EXPECT_EQ(placed(Affine(), {&a, 1}, t).matrix(), start);
+    for (const float t : {3.f, 8.f, kInfinity}) EXPECT_EQ(placed(Affine(), {&a, 1}, t).matrix(), end);
+    EXPECT_EQ(placed(Affine(), {&jump, 1}, 2.f).matrix(), start);
+    EXPECT_EQ(placed(Affine(), {&jump, 1}, 2.001f).matrix(), end);
   }
 }
 
@@ -116,12 +117,16 @@ TEST(AnimatedTransform, BoundsHoldEveryPointAtEveryTime) {
     Bounds3 box;
     for (int k = 0; k < 2; ++k) box.extend(Vec3(r.vector(2)));
     Bounds3 all = moved_bounds(fixed, moves, box), seen;
+    const Affine fixed_inverse = fixed.inverse();
     const Vec3 rounding = 1e-5f * glm::max(glm::abs(all.min), glm::abs(all.max));
     for (int k = 0; k < 10000; ++k) {
       const auto u = [&] { return static_cast<float>(r.number(0, 1)); };
       Vec3 p;
       for (int a = 0; a < 3; ++a) p[a] = k % 2 ? (u() < 0.5f ? box.min[a] : box.max[a]) : box.min[a] + u() * (box.max[a] - box.min[a]);
-      const Vec3 q = placed(fixed, moves, static_cast<float>(r.number(-0.1, 1.1))).point(p);
+      const auto time = static_cast<float>(r.number(-0.1, 1.1));
+      const Transform to_world = placed(fixed, moves, time);
+      ASSERT_EQ(to_world.inverse_matrix(), entering(fixed_inverse, moves, time));
+      const Vec3 q = to_world.point(p);
       seen.extend(q);
       for (int a = 0; a < 3; ++a) {
         ASSERT_GE(q[a], all.min[a] - rounding[a]);

@@ -210,5 +210,17 @@ TEST(LoadedBytes, OfQuadricsAndInstancesAreBoundedTightly) {
   }
 }
 
+TEST(LoadedBytes, OfMovingInstancesAreBounded) {
+  for (const std::size_t n : {1u, 16u, 1000u, 20000u}) {
+    Random random(n);
+    PartBuilder instances;
+    for (std::size_t i = 0; i < n; ++i) {
+      const MotionRecord motion{moved(100.f * random.in_cube()).matrix(), moved(100.f * random.in_cube()).matrix()};
+      instances.add_instance({}, std::span(&motion, 1));
+    }
+    expect_bound("moving instances " + std::to_string(n), instances, 1.5);
+  }
+}
+
 }  // namespace
 }  // namespace cloudrenderer

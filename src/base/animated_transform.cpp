@@ -55,6 +55,13 @@ DMat3 rotation_of(const Quaternion& q) {
           2 * (x * z + y * w),     2 * (y * z - x * w),     1 - 2 * (x * x + y * y)};
 }
 
+Mat4 rounded(const Affine& a) {
+  Mat4 out(1.f);
+  for (int c = 0; c < 3; ++c) out[c] = glm::vec4(Vec3(a.m[c]), 0.f);
+  out[3] = glm::vec4(Vec3(a.t), 1.f);
+  return out;
+}
+
 }  // namespace
 
 Affine::Affine(const Mat4& matrix) : m(column(matrix, 0), column(matrix, 1), column(matrix, 2)), t(column(matrix, 3)) {}
@@ -64,16 +71,6 @@ Affine Affine::inverse() const {
   const double scale = 1 / glm::dot(m[0], a);
   const DMat3 inv = glm::transpose(DMat3(a * scale, b * scale, c * scale));
   return {inv, -(inv * t)};
-}
-
-Transform Affine::rounded() const {
-  const auto matrix = [](const Affine& a) {
-    Mat4 out(1.f);
-    for (int c = 0; c < 3; ++c) out[c] = glm::vec4(Vec3(a.m[c]), 0.f);
-    out[3] = glm::vec4(Vec3(a.t), 1.f);
-    return out;
-  };
-  return {matrix(*this), matrix(inverse())};
 }
 
 bool AnimatedTransform::can_move(const Mat4& start, const Mat4& end) {
@@ -87,8 +84,13 @@ AnimatedTransform::Parts AnimatedTransform::take_apart(const Affine& a) {
 }
 
 AnimatedTransform::AnimatedTransform(const Mat4& start, const Mat4& end, TimeSpan times, Interpolates interpolates)
-    : times_(times), inverse_(interpolates == Interpolates::inverse), start_(start), end_(end) {
-  const Parts a = take_apart(inverse_ ? start_.inverse() : start_), b = take_apart(inverse_ ? end_.inverse() : end_);
+    : times_(times),
+      inverse_(interpolates == Interpolates::inverse),
+      start_(start),
+      end_(end),
+      start_inverse_(start_.inverse()),
+      end_inverse_(end_.inverse()) {
+  const Parts a = take_apart(inverse_ ? start_inverse_ : start_), b = take_apart(inverse_ ? end_inverse_ : end_);
   translation_ = a.translation;
   translation_step_ = b.translation - a.translation;
   scale_ = a.scale;
@@ -116,15 +118,22 @@ double AnimatedTransform::fraction(float time) const {
 }
 
 Affine AnimatedTransform::between(double f) const {
-  if (f <= 0) return start_;
-  if (f >= 1) return end_;
+  if (f <= 0) return inverse_ ? start_inverse_ : start_;
+  if (f >= 1) return inverse_ ? end_inverse_ : end_;
   const Quaternion q =
       turns_ ? rotation_ * portable::cos(f * angle_) + rotation_across_ * portable::sin(f * angle_) : rotation_;
-  const Affine a(rotation_of(q) * (scale_ + scale_step_ * f), translation_ + translation_step_ * f);
-  return inverse_ ? a.inverse() : a;
+  return {rotation_of(q) * (scale_ + scale_step_ * f), translation_ + translation_step_ * f};
 }
 
-Affine AnimatedTransform::at(float time) const { return between(fraction(time)); }
+// At the ends exactly what was given.
+Affine AnimatedTransform::at(float time, const Affine& between) const {
+  if (!inverse_) return between;
+  return !(time > times_.start) ? start_ : !(time < times_.end) ? end_ : between.inverse();
+}
+Affine AnimatedTransform::inverse_at(float time, const Affine& between) const {
+  if (inverse_) return between;
+  return !(time > times_.start) ? start_inverse_ : !(time < times_.end) ? end_inverse_ : between.inverse();
+}
 
 int AnimatedTransform::steps() const {
   if (!turns_ && !stretches_) return 1;
@@ -146,7 +155,7 @@ double AnimatedTransform::acceleration(const DVec3& p) const {
 Bounds3 AnimatedTransform::bounds(const Bounds3& box, float from, float to) const {
   if (box.empty()) return box;
   const double a = fraction(from), b = fraction(to);
-  const Affine first = between(a), last = between(b);
+  const Affine first = at(from), last = at(to);
   Bounds3 out;
   double most = 0;
   // What holds for the corners holds for what is between them.
@@ -165,9 +174,19 @@ Bounds3 AnimatedTransform::bounds(const Bounds3& box, float from, float to) cons
 }
 
 Transform placed(const Affine& fixed, std::span<const AnimatedTransform> moves, float time) {
-  Affine all = fixed;
-  for (const AnimatedTransform& m : moves) all = all * m.at(time);
-  return all.rounded();
+  Affine all = fixed, inverse = fixed.inverse();
+  for (const AnimatedTransform& m : moves) {
+    const Affine between = m.between(time);
+    all = all * m.at(time, between);
+    inverse = m.inverse_at(time, between) * inverse;
+  }
+  return {rounded(all), rounded(inverse)};
+}
+
+Mat4 entering(const Affine& fixed_inverse, std::span<const AnimatedTransform> moves, float time) {
+  Affine inverse = fixed_inverse;
+  for (const AnimatedTransform& m : moves) inverse = m.inverse_at(time) * inverse;
+  return rounded(inverse);
 }
 
 Bounds3 moved_bounds(const Affine& fixed, std::span<const AnimatedTransform> moves, const Bounds3& box) {
@@ -190,7 +209,7 @@ Bounds3 moved_bounds(const Affine& fixed, std::span<const AnimatedTransform> mov
     all.extend(b);
   }
   if (all.empty()) return all;
-  return all.transformed(fixed.rounded());
+  return all.transformed(Transform(rounded(fixed), rounded(fixed.inverse())));
 }
 
 }  // namespace cloudrenderer

@@ -18,8 +18,6 @@ struct Affine {
   explicit Affine(const Mat4& matrix);  // its last row counts as 0 0 0 1
   glm::dvec3 point(const glm::dvec3& p) const { return m * p + t; }
   Affine inverse() const;
-  // Matrix and inverse, each rounded from double.
-  Transform rounded() const;
   friend Affine operator*(const Affine& a, const Affine& b) { return {a.m * b.m, a.m * b.t + a.t}; }
 };
 
@@ -40,7 +38,8 @@ class AnimatedTransform {
   // False where one end is mirrored and the other is not: the shape would be flat on its way.
   static bool can_move(const Mat4& start, const Mat4& end);
 
-  Affine at(float time) const;
+  Affine at(float time) const { return at(time, between(time)); }
+  Affine inverse_at(float time) const { return inverse_at(time, between(time)); }
   // A box that holds every point of `box` at every time between `from` and `to`.
   Bounds3 bounds(const Bounds3& box, float from, float to) const;
   // Into so many steps a movement is to be divided for bounds that are tight.
@@ -54,14 +53,19 @@ class AnimatedTransform {
     glm::dmat3 scale;
   };
   static Parts take_apart(const Affine& a);
+  friend Transform placed(const Affine& fixed, std::span<const AnimatedTransform> moves, float time);
   double fraction(float time) const;
+  // What is interpolated, at a fraction of the time; and what follows from it.
   Affine between(double fraction) const;
+  Affine between(float time) const { return between(fraction(time)); }
+  Affine at(float time, const Affine& between) const;
+  Affine inverse_at(float time, const Affine& between) const;
   double acceleration(const glm::dvec3& p) const;
 
   TimeSpan times_;
   bool inverse_;
   bool turns_, stretches_;
-  Affine start_, end_;  // object to world
+  Affine start_, end_, start_inverse_, end_inverse_;  // start_, end_: object to world
   // Of what is interpolated: at the start, and how far the end is from it.
   glm::dvec3 translation_, translation_step_;
   glm::dmat3 scale_, scale_step_;
@@ -70,8 +74,11 @@ class AnimatedTransform {
   double scale_norm_ = 0, unscale_norm_ = 0;  // of scale_step_, and of the inverse scale at most
 };
 
-// fixed * moves[0](time) * moves[1](time) * ...: what takes the points of a moving object to the world.
+// fixed * moves[0](time) * moves[1](time) * ...: what takes the points of a moving object to the world. Matrix and inverse
+// are each rounded from double.
 Transform placed(const Affine& fixed, std::span<const AnimatedTransform> moves, float time);
+// Its inverse alone, to the bit: what takes rays to the object.
+Mat4 entering(const Affine& fixed_inverse, std::span<const AnimatedTransform> moves, float time);
 // A box that holds all points of `box`, moved so, at all times.
 Bounds3 moved_bounds(const Affine& fixed, std::span<const AnimatedTransform> moves, const Bounds3& box);
 

@@ -24,11 +24,15 @@ class CountingSink final : public SceneSink {
   void shape(ShapeDesc&& shape, const SceneDescription&) override {
     ++shapes[shape.type];
     if (shape.area_light) ++emissive;
+    if (shape.motion) ++moving;
   }
-  void instance(const InstanceDesc&, const SceneDescription&) override { ++instances; }
+  void instance(const InstanceDesc& instance, const SceneDescription&) override {
+    ++instances;
+    if (instance.motion) ++moving;
+  }
 
   Counts shapes;
-  std::uint64_t objects = 0, instances = 0, emissive = 0;
+  std::uint64_t objects = 0, instances = 0, emissive = 0, moving = 0;
 };
 
 template <class List>
@@ -126,6 +130,8 @@ int info_of_scene(const InfoOptions& options) {
   print_counts("shapes", sink.shapes);
   check(scene, warnings);
   fmt::print("{:<12}{} instances of {} objects\n", "instancing", sink.instances, sink.objects);
+  if (sink.moving || scene.camera.motion)
+    fmt::print("{:<12}{} shapes and instances{}\n", "moving", sink.moving, scene.camera.motion ? ", the camera" : "");
   print_use(use);
   fmt::print("{:<12}{}\n", "warnings", warnings.list().size());
   print_warnings(warnings.list());

@@ -193,7 +193,7 @@ CameraRay8 Camera::one_by_one(const Vec2x8& film, const Vec2x8& lens) const {
 }
 
 void Camera::place(float time, CameraRay& ray) const {
-  const Transform to_world = motion_->at(time).rounded();
+  const Transform to_world = placed(Affine(), {&*motion_, 1}, time);
   ray.origin = to_world.point(ray.origin);
   ray.direction = glm::normalize(to_world.vector(ray.direction));
   ray.cone_width *= scale_;

@@ -33,7 +33,7 @@ inline constexpr std::uint64_t kCurveSegment = kBvhOther + sizeof(std::uint32_t)
 inline constexpr std::uint64_t kCurvePiece = sizeof(CurveRecord) + 3 * sizeof(Vec3);
 inline constexpr std::uint64_t kCurveGroup = sizeof(CurveGroup) + 2 * 9 * sizeof(double);  // and the tracer's inverse
 // What a movement takes beside its instance: the record, and what the tracer makes of it.
-inline constexpr std::uint64_t kMotion = sizeof(MotionRecord) + sizeof(AnimatedTransform) + sizeof(Affine) + 64;
+inline constexpr std::uint64_t kMotion = sizeof(MotionRecord) + sizeof(AnimatedTransform) + 320;
 
 // What a BVH takes beside its share a primitive: nodes that are not full, blocks of the allocator.
 constexpr std::uint64_t bvh_base(std::uint64_t primitives) {

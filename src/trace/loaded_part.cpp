@@ -66,8 +66,8 @@ void moving_bounds(const RTCBoundsFunctionArguments* args) {
 
 // A ray of a lane in the space of an instance, as it is at the ray's time. False for one that Embree must not see.
 bool enter(const LoadedPart::Moving& m, const QueryContext& context, const LaneRay& r, unsigned id, RTCRay& out) {
-  const Transform to_object = m.to_world(context.times ? context.times[id] : 0.f).inverse();
-  const Vec3 o = to_object.point(r.origin), d = to_object.vector(r.direction);
+  const Mat4 to_object = entering(m.fixed_inverse, m.moves, context.times ? context.times[id] : 0.f);
+  const Vec3 o(to_object * glm::vec4(r.origin, 1.f)), d(to_object * glm::vec4(r.direction, 0.f));
   out = {o.x, o.y, o.z, r.t_near, d.x, d.y, d.z, 0, r.t_far, 0xffffffffu, id, 0};
   return traceable(o, d);
 }
@@ -177,7 +177,7 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
                   part_.quadrics.size_bytes() + part_.instances.size_bytes() + loaded_bytes::kSceneObject +
                   part_.quadrics.size() * sizeof(BoundingSphere) + part_.curves.size_bytes() +
                   part_.curves.groups.size() * sizeof(glm::dmat3) + part_.motions.size_bytes() +
-                  part_.motions.size() * (sizeof(AnimatedTransform) + sizeof(Affine)) +
+                  part_.motions.size() * (sizeof(AnimatedTransform) + sizeof(Moving)) +
                   part_.instances.size() * loaded_bytes::kInstanceObject;
   const std::uint64_t before = device_->bytes();
   device_->add_shared(static_cast<std::int64_t>(shared_bytes_));
@@ -274,7 +274,8 @@ void LoadedPart::add_moving() {
       const InstanceRecord& record = part_.instances[m.instance];
       if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
         throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
-      moving_.push_back({m.instance, prototypes_[record.prototype].get(), Affine(record.to_world.matrix()), {}, {}});
+      moving_.push_back({m.instance, prototypes_[record.prototype].get(), Affine(record.to_world.matrix()), {}, {}, {}});
+      moving_.back().fixed_inverse = moving_.back().fixed.inverse();
     }
     moving_.back().moves.push_back(m.transform());
   }

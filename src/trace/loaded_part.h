@@ -30,11 +30,12 @@ class LoadedPart {
   struct Moving {
     std::uint32_t instance = 0;
     const LoadedPart* prototype = nullptr;
-    Affine fixed;
+    Affine fixed, fixed_inverse;
     std::vector<AnimatedTransform> moves;
     Bounds3 bounds;  // over all times
     Transform to_world(float time) const { return placed(fixed, moves, time); }
   };
+  static_assert(sizeof(Moving) <= 320, "loaded_bytes::kMotion");
   const Moving& moving(std::uint32_t number) const { return moving_[number]; }
   const Moving* moving_instance(std::uint32_t instance) const;  // null: it stands still
   std::uint64_t bytes() const { return bytes_; }

@@ -373,6 +373,14 @@ void add_parts(Corpus& corpus) {
   const std::string part{std::istreambuf_iterator<char>(in), {}};
   fs::remove(file);
   corpus.add("part_file", "all", part);
+  PartBuilder moving;
+  MotionRecord motion{Mat4(1.f), Mat4(1.f), 0, 1, 0, AnimatedTransform::Interpolates::inverse};
+  motion.end[3] = {1, 2, 3, 1};
+  moving.add_instance({Transform(), 0, 9}, std::span(&motion, 1));
+  moving.write(file);
+  std::ifstream moving_in(file, std::ios::binary);
+  corpus.add("part_file", "moving", {std::istreambuf_iterator<char>(moving_in), {}});
+  fs::remove(file);
 
   Manifest m;
   m.scene = a_scene();
