@@ -29,18 +29,18 @@ class SphereCells {
     const int column = std::clamp(static_cast<int>(phi * columns_), 0, columns_ - 1);
     ++seen_[static_cast<std::size_t>(row * columns_ + column)];
   }
-  // Integrates the density over every cell, finer where it changes; returns the whole integral.
+  // Integrates the density over every cell, finer where it changes; returns the whole integral. Each cell begins as `parts` by
+  // `parts` pieces: many for densities with edges, which few points may miss.
   template <class Density>
-  double integrate(Density density) {
-    constexpr int kParts = 2;
+  double integrate(Density density, int parts = 2) {
     double sum = 0;
     for (int row = 0; row < rows_; ++row)
       for (int column = 0; column < columns_; ++column) {
         double& e = expected_[static_cast<std::size_t>(row * columns_ + column)];
-        const double height = 2.0 / (rows_ * kParts), width = 2 * kPiDouble / (columns_ * kParts);
-        for (int i = 0; i < kParts * kParts; ++i) {
-          const double z = -1 + height * (row * kParts + i / kParts);
-          const double phi = -kPiDouble + width * (column * kParts + i % kParts);
+        const double height = 2.0 / (rows_ * parts), width = 2 * kPiDouble / (columns_ * parts);
+        for (int i = 0; i < parts * parts; ++i) {
+          const double z = -1 + height * (row * parts + i / parts);
+          const double phi = -kPiDouble + width * (column * parts + i % parts);
           e += refine(density, z, phi, height, width, four(density, z, phi, height, width), 7);
         }
         sum += e;
@@ -88,11 +88,11 @@ class SphereCells {
   template <class Density>
   static double refine(Density& density, double z, double phi, double height, double width, double coarse, int levels) {
     const double h = height / 2, w = width / 2;
-    double parts[4], fine = 0;
-    for (int i = 0; i < 4; ++i) fine += parts[i] = four(density, z + h * (i / 2), phi + w * (i % 2), h, w);
+    double pieces[4], fine = 0;
+    for (int i = 0; i < 4; ++i) fine += pieces[i] = four(density, z + h * (i / 2), phi + w * (i % 2), h, w);
     if (levels == 0 || std::fabs(fine - coarse) < 1e-6 + 1e-4 * fine) return fine;
     fine = 0;
-    for (int i = 0; i < 4; ++i) fine += refine(density, z + h * (i / 2), phi + w * (i % 2), h, w, parts[i], levels - 1);
+    for (int i = 0; i < 4; ++i) fine += refine(density, z + h * (i / 2), phi + w * (i % 2), h, w, pieces[i], levels - 1);
     return fine;
   }
 

@@ -189,6 +189,51 @@ TEST(Materials, MixAddsScaledLobes) {
   EXPECT_THROW(Built{nested}, SceneError);
 }
 
+TEST(Materials, MixesOfAnythingWithAnything) {
+  const auto mix = [](int a, int b, float amount = 0.5f) {
+    return material("mix", {real_param("amount", amount), string_param("namedmaterial1", std::to_string(a)),
+                            string_param("namedmaterial2", std::to_string(b))});
+  };
+  const Vec3 wo = glm::normalize(Vec3(0.3f, 0.1f, 0.9f));
+  {  // the share of a null material goes straight on
+    const Built built({material("none"), material("matte"), mix(0, 1, 0.25f)}, Dialect::v3);
+    const Bsdf b = built.at(plane(), wo);
+    ASSERT_EQ(kinds(b), (std::vector{K::specular_transmission, K::lambert}));
+    EXPECT_FALSE(built.shading->is_null(2));
+    BsdfSample s;
+    ASSERT_TRUE(b.sample(wo, 0.f, {0.5f, 0.5f}, s));
+    EXPECT_NEAR(glm::length(s.wi + wo), 0.f, 1e-6f);
+    EXPECT_NEAR(s.weight.x * b.weight(0), 0.25f, 1e-6f);
+  }
+  {  // specular, hair and disney, nested
+    const Built built({material("mirror"), material("hair"), mix(0, 1, 0.5f), material("disney"), mix(2, 3, 0.5f)}, Dialect::v3);
+    const Bsdf b = built.at(plane(), wo);
+    ASSERT_EQ(kinds(b), (std::vector{K::specular_reflection, K::hair, K::disney_diffuse, K::microfacet}));
+    EXPECT_NEAR(b.lobe(0).scale.x, 0.25f * 0.9f, 1e-6f);
+    EXPECT_NEAR(b.lobe(1).scale.x, 0.25f, 1e-6f);
+    EXPECT_NEAR(b.lobe(2).scale.x, 0.5f * 0.5f, 1e-6f);
+    EXPECT_NEAR(b.lobe(3).scale.x, 0.5f, 1e-6f);
+    EXPECT_TRUE(built.warnings.list().empty());
+  }
+  // There is room for 32 lobes; that there may be more is told.
+  std::vector<MaterialDesc> many;
+  for (int i = 0; i < 4; ++i)
+    many.push_back(material("uber", {rgb_param("Kd", Rgb(0.f)), rgb_param("Kr", Rgb(0.1f * static_cast<float>(i + 1))),
+                                     rgb_param("Kt", Rgb(0.1f)), rgb_param("opacity", Rgb(0.5f))}));
+  many.push_back(mix(0, 1));
+  many.push_back(mix(2, 3));
+  many.push_back(mix(4, 5));
+  const Built four(many);
+  EXPECT_EQ(four.at().lobe_count(), 16);
+  EXPECT_EQ(four.shading->kind(6), 0u);
+  EXPECT_TRUE(four.warnings.list().empty());
+  many.push_back(mix(6, 6));
+  const Built eight(many);
+  EXPECT_EQ(eight.at().lobe_count(), 32);
+  ASSERT_EQ(eight.warnings.list().size(), 1u);
+  EXPECT_NE(eight.warnings.list()[0].find("40 lobes"), std::string::npos) << eight.warnings.list()[0];
+}
+
 TEST(Materials, UnknownAndUnsupportedKindsAreWarnings) {
   for (const char* kind : {"subsurface", "kdsubsurface", "nonsense"}) {
     const Built b({material(kind)}, Dialect::v3);

@@ -160,8 +160,8 @@ Rgb hair_value(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf) {
     // The tilt stretches solid angles, and no sample comes over the end of the hair.
     density += view.chance[p] * m * std::max(0.0, t.cosine) / i.cosine;
   }
-  pdf = static_cast<float>(density);
-  return l.scale * sum * (1.f / std::fabs(wi.z));
+  pdf = density > 1e-20 ? static_cast<float>(density) : 0.f;  // where nothing is sampled, floats lose their bits
+  return l.scale * sum * (1.f / std::max(std::fabs(wi.z), 1e-10f));
 }
 
 bool sample_hair(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3& wi) {

@@ -10,7 +10,7 @@ class KdSubsurface final : public Material {
   explicit KdSubsurface(MaterialInputs& in)
       : kd_(in.params.rgb("Kd", Rgb(0.5f))),
         kr_(in.params.rgb("Kr", Rgb(1.f))),
-        index_(in.params.real("index", 1.3f)) {}
+        index_(in.params.dialect() == Dialect::v3 ? in.params.real("eta", 1.33f) : in.params.real("index", 1.3f)) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const Rgb kd = positive(kd_(at)), kr = positive(kr_(at));
     if (!is_black(kd)) out.add(bsdf::lambert(kd));
