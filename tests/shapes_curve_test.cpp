@@ -159,6 +159,36 @@ TEST(Curve, CutIntoSegmentsHasTheSameHits) {
   EXPECT_GT(hits, 1000);
 }
 
+TEST(Curve, LosesNoHitToTheQuickTest) {
+  const std::uint64_t seed = 31;
+  Random r(seed);
+  int hits = 0, misses = 0, quick = 0;
+  for (int i = 0; i < 200000; ++i) {
+    CurvePiece c = random_piece(r, static_cast<CurveKind>(i % 3));
+    const auto log2 = static_cast<std::uint32_t>(r.uniform(0, 3.999));
+    const auto number = static_cast<std::uint32_t>(r.uniform(0, 0.999) * (1 << log2));
+    const double u0 = static_cast<double>(number) / (1 << log2), u1 = static_cast<double>(number + 1) / (1 << log2);
+    const auto size = static_cast<float>(std::exp(r.uniform(-12, 12)));
+    for (Vec3& p : c.p) p *= size;
+    for (float& w : c.width) w *= size;
+    // Past the middle of the segment, near or far, from near or far.
+    const CurvePiece part = part_of(c, u0, u1);
+    const dvec3 way = r.direction(), middle = 0.5 * (dvec3(part.p[0]) + dvec3(part.p[3]));
+    const double aside = static_cast<double>(size) * std::exp(r.uniform(-8, 0)), away = static_cast<double>(size) * std::exp(r.uniform(-3, 6));
+    const Vec3 origin(middle + aside * r.direction() - away * way), direction(way * std::exp(r.uniform(-3, 3)));
+    const float t_max = r.flip() ? kInfinity : static_cast<float>(away / glm::length(dvec3(direction)) * r.uniform(0.9, 1.1));
+    CurveHit hit;
+    const bool found = intersect(c, u0, u1, {dvec3(origin), dvec3(direction)}, 0, t_max, hit);
+    const bool missed = surely_misses(c.p.data(), std::max(c.width[0], c.width[1]), log2, number, origin, direction, 0, t_max);
+    ASSERT_FALSE(found && missed) << "seed " << seed << " ray " << i;
+    hits += found;
+    misses += !found;
+    quick += missed;
+  }
+  EXPECT_GT(hits, 20000);
+  EXPECT_GT(quick, misses / 3);
+}
+
 // Rays at the joints of segments and around them: no gap.
 TEST(Curve, HasNoGapsBetweenItsSegments) {
   const std::uint64_t seed = 29;

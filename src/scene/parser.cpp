@@ -228,11 +228,7 @@ void Parser::object_instance(const Token& t) {
   instance.location = location(t);
   const std::string name = read_string("the name of an object");
   if (!in_world(t)) return;
-  if (open_object_) {
-    builder_.warn_once(instance.location,
-                       "ObjectInstance inside of an object, which pbrt does not allow: ignored");
-    return;
-  }
+  // Inside of an object it becomes part of that object, which pbrt does not allow.
   const auto found = objects_.find(name);
   if (found == objects_.end()) {
     builder_.warn_once(instance.location,

@@ -154,7 +154,68 @@ struct Sight {
   }
 };
 
+// Weights of a cubic's control points in those of a segment of it: lane j of weight i is that of point i in point j.
+using Float4 = float __attribute__((vector_size(16)));
+using SegmentWeights = std::array<Float4, 4>;
+
+constexpr SegmentWeights segment_weights(float a, float b) {
+  SegmentWeights w{};
+  for (int j = 0; j < 4; ++j) {
+    const float x = j < 3 ? a : b, y = j < 2 ? a : b, z = j < 1 ? a : b;
+    w[0][j] = (1 - x) * (1 - y) * (1 - z);
+    w[1][j] = x * (1 - y) * (1 - z) + (1 - x) * y * (1 - z) + (1 - x) * (1 - y) * z;
+    w[2][j] = x * y * (1 - z) + x * (1 - y) * z + (1 - x) * y * z;
+    w[3][j] = x * y * z;
+  }
+  return w;
+}
+
+// By 2^log2_segments + number. They are exact.
+const std::array<SegmentWeights, 16> kSegmentWeights = [] {
+  std::array<SegmentWeights, 16> all{};
+  for (std::size_t log2 = 0; log2 < 4; ++log2)
+    for (std::size_t i = 0; i < std::size_t{1} << log2; ++i) {
+      const float count = static_cast<float>(1 << log2), number = static_cast<float>(i);
+      all[(std::size_t{1} << log2) + i] = segment_weights(number / count, (number + 1) / count);
+    }
+  return all;
+}();
+
+bool all(Float4 x, bool (*holds)(float)) { return holds(x[0]) && holds(x[1]) && holds(x[2]) && holds(x[3]); }
+
 }  // namespace
+
+bool surely_misses(const Vec3* points, float largest_width, std::uint32_t log2_segments, std::uint32_t number,
+                   const Vec3& origin, const Vec3& direction, float t_min, float t_max) {
+  const SegmentWeights& w = kSegmentWeights[(1u << log2_segments) + number];
+  Float4 x{}, y{}, z{};
+  float size = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vec3 p = points[i] - origin;
+    size = std::max(size, std::max(std::abs(p.x), std::max(std::abs(p.y), std::abs(p.z))));
+    x += w[i] * p.x;
+    y += w[i] * p.y;
+    z += w[i] * p.z;
+  }
+  // Far above all rounding here.
+  const float slack = 0.5f * largest_width + 1e-5f * size;
+  const Vec3 chord(x[3] - x[0], y[3] - y[0], z[3] - z[0]);
+  const Vec3 side = glm::cross(direction, chord);
+  const float reach2 = slack * slack * glm::dot(side, side);
+  if (!(reach2 > 1e-30f && reach2 < 1e30f)) return false;
+  const auto outside = [](Float4 d, float r) {
+    const Float4 above = d - r, below = d + r;
+    return all(above, [](float v) { return v > 0.f; }) || all(below, [](float v) { return v < 0.f; });
+  };
+  if (outside(x * side.x + y * side.y + z * side.z, std::sqrt(reach2))) return true;
+  const float length2 = glm::dot(direction, direction);
+  const Vec3 along = glm::cross(side, direction);
+  if (outside(x * along.x + y * along.y + z * along.z, std::sqrt(reach2 * length2))) return true;
+  const Float4 depth = x * direction.x + y * direction.y + z * direction.z;
+  const float margin = slack * std::sqrt(length2), low = t_min * length2 - margin, high = t_max * length2 + margin;
+  return (depth[0] < low && depth[1] < low && depth[2] < low && depth[3] < low) ||
+         (depth[0] > high && depth[1] > high && depth[2] > high && depth[3] > high);
+}
 
 bool intersect(const CurvePiece& c, double u0, double u1, const CurveRay& ray, float t_min, float t_max, CurveHit& hit) {
   const double length = std::sqrt(glm::dot(ray.direction, ray.direction));

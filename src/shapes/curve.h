@@ -50,6 +50,11 @@ struct CurveHit {
 // neighbouring parts leave no gap.
 bool intersect(const CurvePiece& c, double u0, double u1, const CurveRay& ray, float t_min, float t_max, CurveHit& hit);
 
+// True if a ray in float surely misses segment `number` of 2^log2_segments (at most 8) of the cubic of four `points`: a
+// test before intersect(), which most boxes of thin curves that a ray meets do not pass.
+bool surely_misses(const Vec3* points, float largest_width, std::uint32_t log2_segments, std::uint32_t number,
+                   const Vec3& origin, const Vec3& direction, float t_min, float t_max);
+
 // The point of a hit, in object space. Its error is pbrt-v3's: rays start twice the width away from the curve.
 SurfacePoint surface_point(const CurvePiece& c, bool flip, const glm::dvec3& direction, float u, float v);
 

@@ -70,6 +70,10 @@ bool LoadedPart::intersect_curve(std::uint32_t segment, const Vec3& origin, cons
   const CurveArrays& curves = part_.curves;
   const CurveRecord& record = curves.record_of(segment);
   const CurveGroup& group = curves.groups[record.group];
+  const std::uint32_t number = curves.segments[segment] & ((1u << kCurveSegmentBits) - 1);
+  if (!group.placed && cloudrenderer::surely_misses(&curves.points[record.first_point], std::max(record.width[0], record.width[1]),
+                                     group.log2_segments, number, origin, direction, t_min, t_max))
+    return false;
   const auto [u0, u1] = curves.range(segment);
   CurveRay ray{glm::dvec3(origin), glm::dvec3(direction)};
   if (group.placed) {
