@@ -90,6 +90,18 @@ const char* bad_content(const Part& p) {
   }
   for (const InstanceRecord& r : p.instances)
     if (!usable(r.to_world)) return "an instance is not finite";
+  for (const BrickRecord& r : p.bricks) {
+    const DensityBrick& b = r.brick;
+    if (!usable(b.object_to_world) || !is_finite(b.first) || !is_finite(b.scale)) return "a brick is not finite";
+    for (int a = 0; a < 3; ++a)
+      if (!(usable(b.low[a]) && usable(b.high[a]) && b.low[a] <= b.high[a])) return "a brick has no box";
+    for (const std::uint32_t n : b.size)
+      if (n < 2 || n > kBrickCells + 1) return "a brick has a wrong number of samples";
+    if (!inside(r.first_sample, static_cast<std::uint32_t>(r.sample_count()), p.densities.size()))
+      return "brick samples out of range";
+    for (const float d : p.densities.subspan(r.first_sample, r.sample_count()))
+      if (!(d >= 0.f && d <= b.majorant && b.majorant <= kLargest)) return "a density is out of range";
+  }
   return nullptr;
 }
 
@@ -99,27 +111,29 @@ Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const v
   const auto failure = [](const char* why) {
     return Result<Part>::failure(std::string("part: ") + why);
   };
-  constexpr std::size_t kTableEnd = sizeof(Header) + kSectionCount * sizeof(SectionEntry);
-  if (bytes.size() < kTableEnd) return failure("too short");
+  if (bytes.size() < sizeof(Header) + kPlainSectionCount * sizeof(SectionEntry)) return failure("too short");
   if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 16 != 0)
     return failure("bytes are not aligned");
   Header header;
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kMagic) return failure("not a part file");
   if (header.version != kVersion) return failure("unknown version");
-  if (header.section_count != kSectionCount) return failure("wrong number of sections");
+  if (header.section_count != kPlainSectionCount && header.section_count != kSectionCount)
+    return failure("wrong number of sections");
+  const std::size_t table_end = sizeof(Header) + header.section_count * sizeof(SectionEntry);
+  if (bytes.size() < table_end) return failure("too short");
   if (header.reserved != Header().reserved) return failure("reserved bytes are not 0");
   if (header.file_bytes != bytes.size()) return failure("wrong length");
   if (XXH3_64bits(bytes.data() + sizeof header, bytes.size() - sizeof header) != header.checksum)
     return failure("wrong checksum");
 
   std::array<SectionEntry, kSectionCount> table;
-  std::memcpy(table.data(), bytes.data() + sizeof header, sizeof table);
-  for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+  std::memcpy(table.data(), bytes.data() + sizeof header, header.section_count * sizeof(SectionEntry));
+  for (std::uint32_t s = 0; s < header.section_count; ++s) {
     const SectionEntry& e = table[s];
     if (e.section != s || e.element_bytes != kElementBytes[s]) return failure("unknown section");
     const std::uint64_t padding = s == kPositions ? kPadding : 0;
-    if (e.offset % kAlignment != 0 || e.offset < kTableEnd || e.offset > bytes.size())
+    if (e.offset % kAlignment != 0 || e.offset < table_end || e.offset > bytes.size())
       return failure("section out of range");
     if (e.count > (bytes.size() - e.offset) / e.element_bytes || e.count >= kNone ||
         e.count * e.element_bytes + padding > bytes.size() - e.offset)
@@ -134,6 +148,10 @@ Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const v
   p.chunks = section<MeshChunk>(bytes, table[kChunks]);
   p.quadrics = section<QuadricRecord>(bytes, table[kQuadrics]);
   p.instances = section<InstanceRecord>(bytes, table[kInstances]);
+  if (header.section_count == kSectionCount) {
+    p.bricks = section<BrickRecord>(bytes, table[kBricks]);
+    p.densities = section<float>(bytes, table[kDensities]);
+  }
   p.owner = std::move(owner);
   if (const char* why = bad_content(p)) return failure(why);
   return p;
@@ -166,6 +184,8 @@ std::optional<std::string> find_bad_reference(const Part& part, const Manifest& 
   }
   for (const InstanceRecord& i : part.instances)
     if (i.prototype >= manifest.prototypes.size()) return "part: no such prototype";
+  for (const BrickRecord& b : part.bricks)
+    if (b.medium >= scene.media.size()) return "part: no such medium";
   return std::nullopt;
 }
 

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/id.h"
 #include "cloudrenderer/math.h"
+#include "shapes/density_brick.h"
 #include "shapes/geometry.h"
 
 namespace cloudrenderer {
@@ -42,6 +43,15 @@ struct InstanceRecord {
   std::uint32_t first_shape = 0;  // global shape id of the prototype's local shape 0 in this instance
 };
 
+// A block of the density grid of a medium.
+struct BrickRecord {
+  DensityBrick brick;
+  std::uint32_t first_sample = 0;  // in Part::densities
+  std::uint32_t medium = 0;        // index into SceneDescription::media
+  std::uint32_t shape = 0, primitive = 0;  // global id of the grid, number of the brick in it
+  std::size_t sample_count() const { return std::size_t{brick.size[0]} * brick.size[1] * brick.size[2]; }
+};
+
 // The geometry of one part or one prototype: arrays, nothing built. The spans point into `owner` (a mapped file or a
 // block of memory), which the part shares. Triangle indices count from the part's first vertex. positions are
 // followed by at least 16 readable bytes (Embree's rule for shared buffers).
@@ -54,6 +64,8 @@ struct Part {
   std::span<const MeshChunk> chunks;         // in the order of first_triangle
   std::span<const QuadricRecord> quadrics;
   std::span<const InstanceRecord> instances;
+  std::span<const BrickRecord> bricks;
+  std::span<const float> densities;
   std::shared_ptr<const void> owner;
 
   // The chunk that holds a triangle: a binary search.

@@ -48,6 +48,8 @@ struct PartBuilder::Layout {
   BulkArray<MeshChunk> chunks;
   BulkArray<QuadricRecord> quadrics;
   BulkArray<InstanceRecord> instances;
+  BulkArray<BrickRecord> bricks;
+  BulkArray<float> densities;
   std::array<std::span<const std::byte>, kSectionCount> data;
   std::array<SectionEntry, kSectionCount> table;
   Header header;
@@ -55,9 +57,10 @@ struct PartBuilder::Layout {
   // Calls sink(bytes) with everything behind the header, in file order.
   template <class Sink>
   void content(const Sink& sink) const {
-    sink(std::as_bytes(std::span(table)));
-    std::uint64_t at = sizeof header + sizeof table;
-    for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+    const auto entries = std::as_bytes(std::span(table).first(header.section_count));
+    sink(entries);
+    std::uint64_t at = sizeof header + entries.size();
+    for (std::uint32_t s = 0; s < header.section_count; ++s) {
       sink(std::span(kZeros).first(static_cast<std::size_t>(table[s].offset - at)));
       if (!data[s].empty()) sink(data[s]);
       at = table[s].offset + data[s].size();
@@ -112,6 +115,13 @@ void PartBuilder::add_chunk(const MeshChunk& attributes, const ChunkData& data) 
 
 void PartBuilder::add_quadric(const QuadricRecord& quadric) { quadrics_.push_back(quadric); }
 void PartBuilder::add_instance(const InstanceRecord& instance) { instances_.push_back(instance); }
+void PartBuilder::add_brick(const BrickRecord& brick, std::span<const float> samples) {
+  BrickRecord b = brick;
+  b.first_sample = checked_u32(densities_.size());
+  checked_u32(densities_.size() + samples.size());
+  bricks_.push_back(b);
+  densities_.append(samples);
+}
 
 std::uint64_t PartBuilder::predicted_bytes() const {
   using namespace loaded_bytes;
@@ -121,7 +131,8 @@ std::uint64_t PartBuilder::predicted_bytes() const {
          vertices * kBvhTwoVertices / 2 + (positions_.size() + normals_.size()) * sizeof(Vec3) +
          uvs_.size() * sizeof(Vec2) + primitive_ids_.size() * sizeof(std::uint32_t) +
          chunks_.size() * sizeof(MeshChunk) + quadrics_.size() * kQuadric +
-         instances_.size() * kInstance;
+         instances_.size() * kInstance + bvh_base(bricks_.size()) + bricks_.size() * kBrick +
+         densities_.size() * sizeof(float);
 }
 
 PartBuilder::Layout PartBuilder::finish() {
@@ -133,13 +144,16 @@ PartBuilder::Layout PartBuilder::finish() {
            chunks_.finish(),
            quadrics_.finish(),
            instances_.finish(),
+           bricks_.finish(),
+           densities_.finish(),
            {},
            {},
            {}};
-  l.data = {raw(l.positions),     raw(l.normals), raw(l.uvs),      raw(l.triangles),
-            raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances)};
-  std::uint64_t at = sizeof l.header + sizeof l.table;
-  for (std::uint32_t s = 0; s < kSectionCount; ++s) {
+  l.data = {raw(l.positions), raw(l.normals),  raw(l.uvs),       raw(l.triangles), raw(l.primitive_ids),
+            raw(l.chunks),    raw(l.quadrics), raw(l.instances), raw(l.bricks),    raw(l.densities)};
+  if (!l.bricks.empty()) l.header.section_count = kSectionCount;
+  std::uint64_t at = sizeof l.header + l.header.section_count * sizeof(SectionEntry);
+  for (std::uint32_t s = 0; s < l.header.section_count; ++s) {
     at = align_up(at);
     l.table[s] = {s, kElementBytes[s], at, l.data[s].size() / kElementBytes[s]};
     at += l.data[s].size() + (s == kPositions ? kPadding : 0);

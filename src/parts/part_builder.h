@@ -27,6 +27,7 @@ inline constexpr std::uint64_t kInstanceObject = 320;
 
 inline constexpr std::uint64_t kQuadric = kBvhOther + kQuadricSphere + sizeof(QuadricRecord);
 inline constexpr std::uint64_t kInstance = kBvhOther + kInstanceObject + sizeof(InstanceRecord);
+inline constexpr std::uint64_t kBrick = kBvhOther + sizeof(BrickRecord);  // without its densities
 
 // What a BVH takes beside its share a primitive: nodes that are not full, blocks of the allocator.
 constexpr std::uint64_t bvh_base(std::uint64_t primitives) {
@@ -64,9 +65,10 @@ class PartBuilder {
   void add_chunk(const MeshChunk& attributes, const ChunkData& data);
   void add_quadric(const QuadricRecord& quadric);
   void add_instance(const InstanceRecord& instance);
+  void add_brick(const BrickRecord& brick, std::span<const float> samples);
 
   std::uint64_t triangle_count() const { return triangles_.size(); }
-  bool empty() const { return triangles_.size() + quadrics_.size() + instances_.size() == 0; }
+  bool empty() const { return triangles_.size() + quadrics_.size() + instances_.size() + bricks_.size() == 0; }
   std::uint64_t predicted_bytes() const;
 
   struct File {
@@ -87,6 +89,8 @@ class PartBuilder {
   BulkWriter<MeshChunk> chunks_;
   BulkWriter<QuadricRecord> quadrics_;
   BulkWriter<InstanceRecord> instances_;
+  BulkWriter<BrickRecord> bricks_;
+  BulkWriter<float> densities_;
 };
 
 }  // namespace cloudrenderer

@@ -24,15 +24,18 @@ enum Section : std::uint32_t {
   kChunks,
   kQuadrics,
   kInstances,
+  kPlainSectionCount,  // of files without bricks
+  kBricks = kPlainSectionCount,
+  kDensities,
   kSectionCount
 };
 inline constexpr std::array<std::uint32_t, kSectionCount> kElementBytes = {12, 12, 8,   12,
-                                                                           4,  56, 204, 136};
+                                                                           4,  56, 204, 136, 208, 4};
 
 struct Header {
   std::array<char, 8> magic = kMagic;
   std::uint32_t version = kVersion;
-  std::uint32_t section_count = kSectionCount;
+  std::uint32_t section_count = kPlainSectionCount;
   std::uint64_t file_bytes = 0;
   std::uint64_t checksum = 0;  // xxh3-64 of the file behind this header
   std::array<std::uint32_t, 8> reserved{};
@@ -47,7 +50,7 @@ static_assert(std::endian::native == std::endian::little);
 static_assert(sizeof(Header) == 64 && sizeof(SectionEntry) == 24);
 static_assert(sizeof(Vec3) == 12 && sizeof(Vec2) == 8 && sizeof(Triangle) == 12);
 static_assert(sizeof(MeshChunk) == 56 && sizeof(QuadricRecord) == 204);
-static_assert(sizeof(InstanceRecord) == 136);
+static_assert(sizeof(InstanceRecord) == 136 && sizeof(BrickRecord) == 208);
 
 constexpr std::uint64_t align_up(std::uint64_t n) {
   return (n + kAlignment - 1) / kAlignment * kAlignment;

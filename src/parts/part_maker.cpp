@@ -18,14 +18,18 @@ void gather(std::vector<T>& out, std::span<const T> from, std::span<const std::u
 }  // namespace
 
 PartMaker::PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
-                     std::uint64_t memory)
+                     const GridSpool::View& grids, std::uint64_t memory)
     : view_(view),
       instances_(instances),
+      grids_(grids),
       chunk_triangles_(static_cast<std::size_t>(
           std::clamp<std::uint64_t>(memory / kWorkBytes, 1024, std::uint64_t{1} << 21))) {}
 
 float PartMaker::cost(const Item& item) const {
   if (item.source == kInstanceItem) return static_cast<float>(loaded_bytes::kInstance);
+  if (item.source == kBrickItem)
+    return static_cast<float>(loaded_bytes::kBrick +
+                              sizeof(float) * grids_.bricks[item.primitive].record.sample_count());
   return view_.rows[item.source].item_bytes;
 }
 
@@ -37,6 +41,11 @@ void PartMaker::add(std::span<Item> items, PartBuilder& to) {
     const std::uint32_t source = items[i].source;
     if (source == kInstanceItem) {
       to.add_instance(instances_[items[i++].primitive]);
+      continue;
+    }
+    if (source == kBrickItem) {
+      const SpooledBrick& b = grids_.bricks[items[i++].primitive];
+      to.add_brick(b.record, grids_.samples(b));
       continue;
     }
     const ShapeRow& row = view_.rows[source];

@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "parts/grid_spool.h"
 #include "parts/part_builder.h"
 #include "parts/partition.h"
 #include "parts/spool.h"
@@ -14,7 +15,7 @@ namespace cloudrenderer {
 class PartMaker {
  public:
   // `memory`: bytes that making one chunk may use.
-  PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
+  PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances, const GridSpool::View& grids,
             std::uint64_t memory);
 
   // Sorts the items by shape and primitive and adds them.
@@ -40,6 +41,7 @@ class PartMaker {
 
   Spool::View view_;
   std::span<const InstanceRecord> instances_;
+  GridSpool::View grids_;
   std::size_t chunk_triangles_;
   // Of the chunk in work; kept to save allocations.
   std::vector<Triangle> triangles_;

@@ -6,7 +6,7 @@
 
 namespace cloudrenderer {
 SceneSpool::SceneSpool(const std::string& folder, double flatten_bytes, Warnings& warnings)
-    : flatten_bytes_(flatten_bytes), warnings_(warnings), spool_(folder), instances_(folder) {}
+    : flatten_bytes_(flatten_bytes), warnings_(warnings), spool_(folder), instances_(folder), grids_(folder) {}
 
 void SceneSpool::begin_object(ObjectId id, const std::string& name) {
   open_ = id;
