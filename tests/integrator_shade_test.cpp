@@ -2,10 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <map>
 
 #include "integrator/path_time.h"
-#include "integrator/path_tracer.h"
+#include "integrator_support.h"
 #include "parts/split.h"
 #include "parts_support.h"
 
@@ -93,31 +92,6 @@ TEST(PathTime, IsUniformAndStratified) {
   EXPECT_NEAR(with_film / n, 0, 2e-3);  // of 1/12
   job.sequence = SampleSequence::Kind::independent;
   EXPECT_NE(path_time(job, shutter, 0, 0), path_time(job, shutter, 0, 1));
-}
-
-using Sums = std::map<std::pair<std::uint32_t, std::uint32_t>, Fixed3>;  // by pixel and sample
-
-Sums render(const PathTracer& tracer, std::size_t batch_size, RayCounts& counts) {
-  const FilmFrame& f = tracer.job().film.frame;
-  const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, tracer.job().spp};
-  Sums sums;
-  for (std::uint64_t made = 0; made < range.paths();) {
-    const std::uint64_t n = std::min<std::uint64_t>(batch_size, range.paths() - made);
-    SegmentBatch batch;
-    tracer.camera(range, 1, made, n, batch.segments);
-    made += n;
-    while (batch.size() != 0) {
-      tracer.trace(batch);
-      ShadeOutput out;
-      tracer.shade(batch, out);
-      for (const PathEnd& e : out.ended) EXPECT_TRUE(sums.emplace(std::pair(e.pixel, e.sample), e.radiance).second);
-      EXPECT_TRUE(out.parked.empty());
-      counts += out.counts;
-      batch = {};
-      batch.segments = std::move(out.continuing);
-    }
-  }
-  return sums;
 }
 
 void expect_same_in_all_batches(const std::string& integrator) {

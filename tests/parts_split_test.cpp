@@ -290,7 +290,7 @@ TEST(Spool, LeavesOutTrianglesThatAreNotFinite) {
   EXPECT_EQ(spool.add_mesh(row, p, {}, {}, t, dropped), 0u);
   EXPECT_EQ(dropped, 2u);
   EXPECT_EQ(row.box.max, Vec3(1, 1, 0));
-  const PartMaker maker(spool.map(), {}, {}, 1 << 20);
+  const PartMaker maker(spool.map(), {}, {}, {}, 1 << 20);
   std::vector<Item> items;
   maker.items_of(0, [&](const Item& i) { items.push_back(i); });
   ASSERT_EQ(items.size(), 1u);

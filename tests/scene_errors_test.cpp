@@ -126,7 +126,15 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"WorldBegin MakeNamedMaterial \"m\" \"float type\" 5", "1:34",
                "must be of type string"},
         Broken{"WorldBegin ObjectInstance", "1:26", "name of an object in quotes"},
-        Broken{"WorldBegin MediumInterface Shape", "1:28", "name of a medium in quotes"}));
+        Broken{"WorldBegin MediumInterface Shape", "1:28", "name of a medium in quotes"},
+        Broken{"WorldBegin Volume \"volumegrid\" \"integer nx\" 2 \"float density\" [1 2 3]", "1:12", "needs 2 values"},
+        Broken{"WorldBegin Volume \"volumegrid\"", "1:12", "needs 1 values"},
+        Broken{"WorldBegin Volume \"volumegrid\" \"integer nx\" -1", "1:12", "nx of a density grid must be"},
+        Broken{"WorldBegin Volume \"volumegrid\" \"integer nx\" 1000000 \"integer ny\" 1000000 \"integer nz\" 1000000 \"float density\" 1",
+               "1:12", "needs 1000000000000000000 values"},
+        Broken{"WorldBegin Volume \"volumegrid\" \"float density\" -1", "1:12", "densities must be"},
+        Broken{"WorldBegin MakeNamedMedium \"m\" \"string type\" \"heterogeneous\" \"float density\" 1 \"point p1\" [0 1 1]", "1:12",
+               "must have a volume"}));
 
 TEST(Errors, ComeFromTheIncludedFile) {
   const TemporaryFolder folder;

@@ -45,7 +45,8 @@ wire::ColumnSet columns_of(const Manifest& manifest) {
   if (manifest.parts.size() > 2) columns |= wire::kColumnBestHit | wire::kColumnTested;
   const SceneDescription& scene = manifest.scene;
   const bool in_media = scene.dialect == Dialect::v3 && !scene.media.empty();
-  if (!scene.textures.empty() || !scene.lights.empty() || in_media) columns |= wire::kColumnCone;
+  if (!scene.textures.empty() || !scene.lights.empty() || !scene.media.empty())
+    columns |= wire::kColumnCone;
   if (in_media) columns |= wire::kColumnMedium;
   return columns;
 }

@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "integrator/path_time.h"
+#include "integrator/shadow_channel.h"
 #include "integrator/timer.h"
 
 namespace cloudrenderer {
@@ -54,6 +55,15 @@ PartId untested(std::span<const Candidate> list, const PathSegment& s, const Hit
   return {};
 }
 
+// Shadow rays have no path: their numbers come from themselves, and so any host that is asked draws the same ones.
+BrickRay shadow_brick_ray(const OcclusionRay& r) {
+  BrickRay ray;
+  for (int i = 0; i < 3; ++i)
+    ray.key = mix64(ray.key + ((std::uint64_t{std::bit_cast<std::uint32_t>(r.origin[i])} << 32) | std::bit_cast<std::uint32_t>(r.direction[i])));
+  ray.channel = channel_in(r);
+  return ray;
+}
+
 }  // namespace
 
 PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part main_part, Resident& resident,
@@ -87,6 +97,13 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
 
 void PathTracer::build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings) {
   media_ = Media::build(scene, warnings);
+  if (media_ && !media_->grids().empty()) {
+    grids_ = true;
+    one_channel_ = media_->chromatic_grids();
+    std::vector<CollisionRate> rates;
+    for (const GridMedium& g : media_->grids()) rates.push_back({g.event, g.blocking});
+    resident_.set_collision_rates(std::move(rates));
+  }
   if (!media_ || job_.media != MediaTransport::multiple) return;
   const auto number = [](MediumId id) { return static_cast<std::uint16_t>(id ? id.value + 1 : 0); };
   camera_medium_ = number(scene.camera.medium);
@@ -153,6 +170,12 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
       s.origin = made.get(0, lane);
       s.direction = made.get(3, lane);
       s.throughput = Rgb(made.at[6][lane]);
+      if (one_channel_) {
+        Rgb one(0.f);
+        const auto channel = static_cast<int>(channel_of(s));
+        one[channel] = 3.f * s.throughput[channel];
+        s.throughput = one;
+      }
       s.previous_normal = Vec3(0.f);
       if (footprint_) {
         s.cone_width = made.at[7][lane] * footprint_scale_;
@@ -169,10 +192,33 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
   }
 }
 
+// Of a path that is of one channel; else all channels are alike to grids.
+std::uint32_t PathTracer::channel_of(const PathSegment& s) const {
+  return one_channel_ ? (s.sample + static_cast<std::uint32_t>(mix64((std::uint64_t{job_.seed} << 32) | s.pixel) % 3)) % 3 : 0;
+}
+
+BrickRay PathTracer::brick_ray(const PathSegment& s, const SampleSequence& sequence) const {
+  const std::uint64_t path = mix64((std::uint64_t{s.pixel} << 32) | s.sample) ^ mix64(job_.seed);
+  BrickRay ray;
+  ray.key = mix64(path + ((std::uint64_t{s.vertex} << 16) | s.passed) * 0xd1342543de82ef95u);
+  ray.sequence = &sequence;
+  ray.dimension = (s.vertex * 0x9e3779b1u) ^ (s.passed * 0x85ebca6bu);
+  ray.channel = channel_of(s);
+  if (job_.media == MediaTransport::multiple) ray.medium = s.medium;
+  return ray;
+}
+
 // Tests what is resident; returns the first part that is not and may hold something nearer.
 PartId PathTracer::trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const {
   if (!traceable(s.origin, s.direction)) return {};
-  const TraceRay ray = ray_of(s);
+  TraceRay ray = ray_of(s);
+  SampleSequence sequence;
+  BrickRay bricks;
+  if (grids_) {
+    sequence = SampleSequence(job_.sequence, job_.seed, s.pixel, s.sample);
+    bricks = brick_ray(s, sequence);
+    ray.bricks = &bricks;
+  }
   if (main_geometry_ && !(s.flags & kMainTested)) set.intersect(0, ray, hit);
   s.flags |= kMainTested;
   if (one_part_ && set.has(1)) {
@@ -292,7 +338,7 @@ void PathTracer::trace(SegmentBatch& batch) const {
   batch.next.assign(n, PartId{});
   for (std::size_t i = 0; i < n;) {
     std::size_t run = 0;
-    while (run < 8 && i + run < n && !(batch.segments[i + run].flags & kMainTested) && batch.hits[i + run].t == kInfinity)
+    while (run < 8 && !grids_ && i + run < n && !(batch.segments[i + run].flags & kMainTested) && batch.hits[i + run].t == kInfinity)
       ++run;
     if (run == 8) {
       trace_eight(*set, &batch.segments[i], &batch.hits[i], &batch.next[i]);
@@ -333,13 +379,18 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
     // Where shadow rays pass surfaces of the main scene, their way through it is known when they are made.
     if (open && main_geometry_ && !null_surfaces_) hit |= set.occluded8(0, packet, open);
     open &= ~hit;
-    if (one_part_) {
+    if (one_part_ && !grids_) {
       if (open && set.has(1)) hit |= set.occluded8(1, packet, open);
     } else {
       for (std::uint32_t left = open; left; left &= left - 1) {
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
         const OcclusionRay& r = rays[first + i];
-        const TraceRay ray{r.origin, r.t_max, r.direction, times.empty() ? 0.f : times[first + i]};
+        TraceRay ray{r.origin, r.t_max, r.direction, times.empty() ? 0.f : times[first + i]};
+        BrickRay bricks;
+        if (grids_) {
+          bricks = shadow_brick_ray(r);
+          ray.bricks = &bricks;
+        }
         PathSegment probe;
         probe.origin = r.origin;
         probe.direction = r.direction;

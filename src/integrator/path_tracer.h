@@ -51,6 +51,8 @@ class PathTracer final : public PathEngine {
   struct Shader;
   class EightShader;
   void build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings);
+  std::uint32_t channel_of(const PathSegment& s) const;
+  BrickRay brick_ray(const PathSegment& s, const SampleSequence& sequence) const;
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
@@ -78,6 +80,8 @@ class PathTracer final : public PathEngine {
   std::unique_ptr<const Media> media_;  // null: the job has none
   std::vector<Interface> interfaces_;   // by material, where a path has a medium that it is in (v3)
   std::uint16_t camera_medium_ = 0;
+  bool grids_ = false;     // there are bricks to collide with
+  bool one_channel_ = false;  // a path is of one channel: grids differ between them
   bool null_surfaces_ = false;  // shadow rays pass surfaces without material: these are all in the main scene
   std::unique_ptr<Camera> camera_;
   std::unique_ptr<Filter> filter_;

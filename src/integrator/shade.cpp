@@ -5,6 +5,7 @@
 
 #include "base/sampling.h"
 #include "integrator/shader.h"
+#include "integrator/shadow_channel.h"
 #include "integrator/timer.h"
 #include "shapes/triangle.h"
 
@@ -147,8 +148,10 @@ void PathTracer::Shader::occlusion(const SurfacePoint& p, const Vec3& offset, co
   const Vec2 u = sequence.get_pairs(0)[kDirection];
   const Vec3 w = Frame(n).to_world(tracer.job_.ao_cosine ? sample_cosine_hemisphere(u) : sample_uniform_hemisphere(u));
   ++out.counts.shadow;
-  if (OcclusionRay* const ray = shadow(s.throughput))
+  if (OcclusionRay* const ray = shadow(s.throughput)) {
     *ray = {ray_start(p.p, offset, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)};
+    if (tracer.grids_) put_channel(*ray, tracer.channel_of(s));
+  }
   end();
 }
 
@@ -220,8 +223,10 @@ void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, fl
     static_assert(sizeof(OcclusionRay) == (R::light_distance + 1 - R::light_origin) * sizeof(float));
     Vec3 light = r.get(R::light, lane);
     if (tracer.media_) light *= shadow_transmittance(r.get(R::light_origin, lane), r.get(R::light_direction, lane), row[R::light_distance]);
-    if (OcclusionRay* const ray = shadow(light))
+    if (OcclusionRay* const ray = shadow(light)) {
       std::memcpy(static_cast<void*>(ray), row + R::light_origin, sizeof(*ray));
+      if (tracer.grids_) put_channel(*ray, tracer.channel_of(*path));
+    }
   }
   if (!(r.goes_on >> lane & 1u)) {
     if (r.invalid >> lane & 1u) {
@@ -278,7 +283,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     interface_ng = p.ng;
   }
   if (tracer.shading_->is_null(material)) {
-    if (tracer.null_surfaces_) {
+    if (tracer.null_surfaces_ && hit.part == 0) {
       if (++s.passed > kMaxPassed) return end();
       s.cone_width += s.flags & kSpecularBounce ? s.cone_spread * hit.t : -hit.t;
       PathSegment& passed = next();
@@ -291,7 +296,9 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     s.previous_pdf = 0;
     if (s.flags & kLastRay || ++s.passed > kMaxPassed) return end();
     s.cone_width += s.cone_spread * hit.t;
-    next().origin = ray_start(p.p, offset, p.ng, s.direction);
+    PathSegment& behind = next();
+    behind.origin = ray_start(p.p, offset, p.ng, s.direction);
+    behind.medium = medium_towards(s.direction);
     return;
   }
   if (is_over(s)) return end();
@@ -336,6 +343,8 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
     if (media_ && !shader.cross_media(part == kNone ? kInfinity : batch.hits[i].t)) continue;
     if (part == kNone)
       shader.escape();
+    else if (batch.hits[i].geometry == kBrickHit)
+      shader.collide(batch.hits[i]);
     else
       shader.vertex(batch.hits[i]);
   }

@@ -7,7 +7,7 @@ namespace cloudrenderer {
 
 namespace {
 
-constexpr int kMaxCrossings = 1000;  // of null surfaces by one shadow ray
+constexpr int kMaxCrossings = 1000;  // of null surfaces by one shadow ray, or events of one path that do not scatter it
 
 // The numbers of the stretch that ends at the path's next surface: null surfaces end one without a vertex.
 MediumNumbers numbers_of(const JobSettings& job, const PathSegment& s) {
@@ -23,9 +23,7 @@ bool PathTracer::Shader::cross_media(float t) {
   const MediumRay ray{s.origin, s.direction, t};
   const MediumNumbers numbers = numbers_of(job, s);
   if (job.media != MediaTransport::multiple) {
-    // pbrt-v2 asks its volume integrator about rays from the camera, and where directlighting follows specular lobes.
-    // Everything else is only attenuated.
-    const bool seen = job.integrator == IntegratorKind::direct ? (s.flags & (kSpecularBounce | kLastRay)) == kSpecularBounce : s.vertex == 0;
+    const bool seen = asks_media();
     if (seen) add(s.throughput * media.emitted(s.medium, ray, numbers));
     if (!seen || job.media == MediaTransport::emission) {
       s.throughput *= media.transmittance(s.medium, ray);
@@ -38,6 +36,24 @@ bool PathTracer::Shader::cross_media(float t) {
   if (job.media == MediaTransport::single && !sample.collides) s.throughput *= media.unmarched(ray, job.media_step, numbers);
   if (sample.collides) scatter_in_medium(sample);
   return !sample.collides;
+}
+
+void PathTracer::Shader::collide(const Hit& hit) {
+  PathSegment& s = *path;
+  const JobSettings& job = tracer.job_;
+  const GridMedium& grid = tracer.media_->grids()[set.part(hit.part).bricks[hit.index].medium];
+  const bool scatters = job.media == MediaTransport::multiple || (job.media == MediaTransport::single && asks_media());
+  if (job.media != MediaTransport::multiple && asks_media()) add(s.throughput * grid.emission);
+  if (grid.blocking[static_cast<int>(tracer.channel_of(s))] == 0.f) {  // only its light was of interest
+    if (++s.passed > kMaxCrossings) return end();
+    s.cone_width += s.flags & kSpecularBounce ? s.cone_spread * hit.t : -hit.t;
+    const Vec3 p = s.origin + hit.t * s.direction;
+    next().origin = p;
+    return;
+  }
+  if (!scatters) return end();
+  s.throughput *= grid.albedo;
+  scatter_in_medium({true, hit.t, grid.g, Rgb(1.f)});
 }
 
 void PathTracer::Shader::scatter_in_medium(const MediumSample& at) {

@@ -174,6 +174,14 @@ struct PathTracer::Shader {
   // been taken on or ended there.
   bool cross_media(float t);
   void scatter_in_medium(const MediumSample& at);
+  // Takes the path under work on from where it has collided with a brick.
+  void collide(const Hit& hit);
+  // pbrt-v2 asks its volume integrator about rays from the camera, and where directlighting follows specular lobes.
+  // Everything else is only attenuated.
+  bool asks_media() const {
+    const std::uint16_t kinds = path->flags & (kSpecularBounce | kLastRay);
+    return tracer.job_.integrator == IntegratorKind::direct ? kinds == kSpecularBounce : path->vertex == 0;
+  }
   // Of the medium that a ray from the surface under work is in.
   std::uint16_t medium_towards(const Vec3& direction) const {
     if (interface.inside == interface.outside) return path->medium;

@@ -135,6 +135,18 @@ const char* bad_content(const Part& p) {
   for (const InstanceRecord& r : p.instances)
     if (!usable(r.to_world)) return "an instance is not finite";
   if (const char* why = bad_curves(p.curves)) return why;
+  for (const BrickRecord& r : p.bricks) {
+    const DensityBrick& b = r.brick;
+    if (!usable(b.object_to_world) || !is_finite(b.first) || !is_finite(b.scale)) return "a brick is not finite";
+    for (int a = 0; a < 3; ++a)
+      if (!(usable(b.low[a]) && usable(b.high[a]) && b.low[a] <= b.high[a])) return "a brick has no box";
+    for (const std::uint32_t n : b.size)
+      if (n < 2 || n > kBrickCells + 1) return "a brick has a wrong number of samples";
+    if (!inside(r.first_sample, static_cast<std::uint32_t>(r.sample_count()), p.densities.size()))
+      return "brick samples out of range";
+    for (const float d : p.densities.subspan(r.first_sample, r.sample_count()))
+      if (!(d >= 0.f && d <= b.majorant && b.majorant <= kLargest)) return "a density is out of range";
+  }
   return bad_motion(p);
 }
 
@@ -202,6 +214,8 @@ Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const v
   p.curves.segments = section<std::uint32_t>(bytes, table[kCurveSegments]);
   p.curves.groups = section<CurveGroup>(bytes, table[kCurveGroups]);
   p.motions = section<MotionRecord>(bytes, table[kMotions]);
+  p.bricks = section<BrickRecord>(bytes, table[kBricks]);
+  p.densities = section<float>(bytes, table[kDensities]);
   p.owner = std::move(owner);
   if (const char* why = bad_content(p)) return failure(why);
   return p;
@@ -240,6 +254,8 @@ std::optional<std::string> find_bad_reference(const Part& part, const Manifest& 
   }
   for (const InstanceRecord& i : part.instances)
     if (i.prototype >= manifest.prototypes.size()) return "part: no such prototype";
+  for (const BrickRecord& b : part.bricks)
+    if (b.medium >= scene.media.size()) return "part: no such medium";
   return std::nullopt;
 }
 

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/id.h"
 #include "cloudrenderer/math.h"
+#include "shapes/density_brick.h"
 #include "shapes/geometry.h"
 
 namespace cloudrenderer {
@@ -115,6 +116,15 @@ struct MotionRecord {
 // The records of one instance, in a list that is in the order of the instances.
 std::span<const MotionRecord> motions_of(std::span<const MotionRecord> all, std::uint32_t instance);
 
+// A block of the density grid of a medium.
+struct BrickRecord {
+  DensityBrick brick;
+  std::uint32_t first_sample = 0;  // in Part::densities
+  std::uint32_t medium = 0;        // index into SceneDescription::media
+  std::uint32_t shape = 0, primitive = 0;  // global id of the grid, number of the brick in it
+  std::size_t sample_count() const { return std::size_t{brick.size[0]} * brick.size[1] * brick.size[2]; }
+};
+
 // The geometry of one part or one prototype: arrays, nothing built. The spans point into `owner` (a mapped file or a
 // block of memory), which the part shares. Triangle indices count from the part's first vertex. positions are
 // followed by at least 16 readable bytes (Embree's rule for shared buffers).
@@ -129,6 +139,8 @@ struct Part {
   std::span<const InstanceRecord> instances;
   CurveArrays curves;
   std::span<const MotionRecord> motions;     // of instances that move, in their order
+  std::span<const BrickRecord> bricks;
+  std::span<const float> densities;
   std::shared_ptr<const void> owner;
 
   // The chunk that holds a triangle: a binary search.

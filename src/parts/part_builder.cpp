@@ -53,6 +53,8 @@ struct PartBuilder::Layout {
   BulkArray<std::uint32_t> curve_segments;
   BulkArray<CurveGroup> curve_groups;
   BulkArray<MotionRecord> motions;
+  BulkArray<BrickRecord> bricks;
+  BulkArray<float> densities;
   std::array<std::span<const std::byte>, kSectionCount> data;
   std::array<SectionEntry, kSectionCount> table;
   Header header;
@@ -155,6 +157,14 @@ void PartBuilder::add_curve_piece(const CurveGroup& group, const CurveRecord& re
   for (const std::uint32_t s : segments) curve_segments_.push_back(number << kCurveSegmentBits | s);
 }
 
+void PartBuilder::add_brick(const BrickRecord& brick, std::span<const float> samples) {
+  BrickRecord b = brick;
+  b.first_sample = checked_u32(densities_.size());
+  checked_u32(densities_.size() + samples.size());
+  bricks_.push_back(b);
+  densities_.append(samples);
+}
+
 std::uint64_t PartBuilder::predicted_bytes() const {
   using namespace loaded_bytes;
   const std::uint64_t vertices = std::min<std::uint64_t>(positions_.size(), 3 * triangles_.size());
@@ -165,7 +175,8 @@ std::uint64_t PartBuilder::predicted_bytes() const {
          chunks_.size() * sizeof(MeshChunk) + quadrics_.size() * kQuadric +
          instances_.size() * kInstance + bvh_base(curve_segments_.size()) + curve_segments_.size() * kCurveSegment +
          curves_.size() * sizeof(CurveRecord) + (curve_points_.size() + curve_normals_.size()) * sizeof(Vec3) +
-         curve_groups_.size() * kCurveGroup + motions_.size() * kMotion;
+         curve_groups_.size() * kCurveGroup + motions_.size() * kMotion + bvh_base(bricks_.size()) +
+         bricks_.size() * kBrick + densities_.size() * sizeof(float);
 }
 
 PartBuilder::Layout PartBuilder::finish() {
@@ -183,13 +194,15 @@ PartBuilder::Layout PartBuilder::finish() {
            curve_segments_.finish(),
            curve_groups_.finish(),
            motions_.finish(),
+           bricks_.finish(),
+           densities_.finish(),
            {},
            {},
            {}};
   l.data = {raw(l.positions),     raw(l.normals), raw(l.uvs),      raw(l.triangles),
             raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances),
             raw(l.curve_points), raw(l.curve_normals), raw(l.curves), raw(l.curve_segments), raw(l.curve_groups),
-            raw(l.motions)};
+            raw(l.motions),      raw(l.bricks),  raw(l.densities)};
   group_of_.clear();
   for (std::uint32_t s = kBaseSections; s < kSectionCount; ++s)
     if (!l.data[s].empty()) l.header.section_count = s + 1;

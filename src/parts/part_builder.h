@@ -34,6 +34,7 @@ inline constexpr std::uint64_t kCurvePiece = sizeof(CurveRecord) + 3 * sizeof(Ve
 inline constexpr std::uint64_t kCurveGroup = sizeof(CurveGroup) + 2 * 9 * sizeof(double);  // and the tracer's inverse
 // What a movement takes beside its instance: the record, and what the tracer makes of it.
 inline constexpr std::uint64_t kMotion = sizeof(MotionRecord) + sizeof(AnimatedTransform) + 320;
+inline constexpr std::uint64_t kBrick = kBvhOther + sizeof(BrickRecord);  // without its densities
 
 // What a BVH takes beside its share a primitive: nodes that are not full, blocks of the allocator.
 constexpr std::uint64_t bvh_base(std::uint64_t primitives) {
@@ -76,9 +77,12 @@ class PartBuilder {
   // four a record, `normals` two for ribbons; `segments` the numbers within the piece, in order.
   void add_curve_piece(const CurveGroup& group, const CurveRecord& record, const CurvePiece& piece,
                        std::span<const std::uint32_t> segments);
+  void add_brick(const BrickRecord& brick, std::span<const float> samples);
 
   std::uint64_t triangle_count() const { return triangles_.size(); }
-  bool empty() const { return triangles_.size() + quadrics_.size() + instances_.size() + curve_segments_.size() == 0; }
+  bool empty() const {
+    return triangles_.size() + quadrics_.size() + instances_.size() + curve_segments_.size() + bricks_.size() == 0;
+  }
   std::uint64_t predicted_bytes() const;
 
   struct File {
@@ -106,6 +110,8 @@ class PartBuilder {
   std::map<std::string, std::uint32_t> group_of_;  // by the group's bytes
   Vec3 last_point_{}, last_normal_{};               // of the curve piece before
   BulkWriter<MotionRecord> motions_;
+  BulkWriter<BrickRecord> bricks_;
+  BulkWriter<float> densities_;
 };
 
 }  // namespace cloudrenderer

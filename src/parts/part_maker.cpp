@@ -18,10 +18,11 @@ void gather(std::vector<T>& out, std::span<const T> from, std::span<const std::u
 }  // namespace
 
 PartMaker::PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
-                     std::span<const MotionRecord> motions, std::uint64_t memory)
+                     std::span<const MotionRecord> motions, const GridSpool::View& grids, std::uint64_t memory)
     : view_(view),
       instances_(instances),
       motions_(motions),
+      grids_(grids),
       chunk_triangles_(static_cast<std::size_t>(
           std::clamp<std::uint64_t>(memory / kWorkBytes, 1024, std::uint64_t{1} << 21))) {}
 
@@ -29,6 +30,9 @@ float PartMaker::cost(const Item& item) const {
   if (item.source == kInstanceItem)
     return static_cast<float>(loaded_bytes::kInstance +
                               loaded_bytes::kMotion * motions_of(motions_, item.primitive).size());
+  if (item.source == kBrickItem)
+    return static_cast<float>(loaded_bytes::kBrick +
+                              sizeof(float) * grids_.bricks[item.primitive].record.sample_count());
   return view_.rows[item.source].item_bytes;
 }
 
@@ -41,6 +45,11 @@ void PartMaker::add(std::span<Item> items, PartBuilder& to) {
     if (source == kInstanceItem) {
       const std::uint32_t n = items[i++].primitive;
       to.add_instance(instances_[n], motions_of(motions_, n));
+      continue;
+    }
+    if (source == kBrickItem) {
+      const SpooledBrick& b = grids_.bricks[items[i++].primitive];
+      to.add_brick(b.record, grids_.samples(b));
       continue;
     }
     const ShapeRow& row = view_.rows[source];

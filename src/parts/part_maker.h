@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "parts/grid_spool.h"
 #include "parts/part_builder.h"
 #include "parts/partition.h"
 #include "parts/spool.h"
@@ -14,8 +15,8 @@ namespace cloudrenderer {
 class PartMaker {
  public:
   // `memory`: bytes that making one chunk may use.
-  PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances,
-            std::span<const MotionRecord> motions, std::uint64_t memory);
+  PartMaker(const Spool::View& view, std::span<const InstanceRecord> instances, std::span<const MotionRecord> motions,
+            const GridSpool::View& grids, std::uint64_t memory);
 
   // Sorts the items by shape and primitive and adds them.
   void add(std::span<Item> items, PartBuilder& to);
@@ -49,6 +50,7 @@ class PartMaker {
   Spool::View view_;
   std::span<const InstanceRecord> instances_;
   std::span<const MotionRecord> motions_;  // of all instances
+  GridSpool::View grids_;
   std::size_t chunk_triangles_;
   // Of the chunk in work; kept to save allocations.
   std::vector<Triangle> triangles_;

@@ -12,11 +12,11 @@ namespace cloudrenderer {
 // files.
 struct Item {
   Bounds3 box;
-  std::uint32_t source = 0;     // row of the table of shapes; kInstanceItem: an instance
-  std::uint32_t primitive = 0;  // triangle of the shape, or number of the instance
+  std::uint32_t source = 0;     // row of the table of shapes; kInstanceItem: an instance; kBrickItem: a brick
+  std::uint32_t primitive = 0;  // triangle of the shape, or number of the instance or brick
 };
 static_assert(sizeof(Item) == 32);
-inline constexpr std::uint32_t kInstanceItem = 0xffffffffu;
+inline constexpr std::uint32_t kInstanceItem = 0xffffffffu, kBrickItem = 0xfffffffeu;
 
 // Predicted loaded bytes of an item.
 using ItemCost = std::function<float(const Item&)>;

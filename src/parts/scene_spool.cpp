@@ -34,7 +34,7 @@ Bounds3 world_box(const Placing& placing, const Bounds3& box) {
 }
 
 SceneSpool::SceneSpool(const std::string& folder, double flatten_bytes, Warnings& warnings)
-    : flatten_bytes_(flatten_bytes), warnings_(warnings), spool_(folder), instances_(folder), motions_(folder) {}
+    : flatten_bytes_(flatten_bytes), warnings_(warnings), spool_(folder), instances_(folder), motions_(folder), grids_(folder) {}
 
 void SceneSpool::begin_object(ObjectId id, const std::string& name) {
   open_ = id;

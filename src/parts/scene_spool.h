@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/log.h"
+#include "parts/grid_spool.h"
 #include "parts/spool.h"
 #include "scene/description.h"
 
@@ -57,7 +58,10 @@ class SceneSpool : public SceneSink {
   void shape(ShapeDesc&& shape, const SceneDescription& scene) override;
   void instance(const InstanceDesc& instance, const SceneDescription& scene) override;
 
+  void grid(GridDesc&& grid) override { grids_.add(grid, take_ids(nullptr, 1, grid.location)); }
+
   Spool& spool() { return spool_; }
+  GridSpool& grids() { return grids_; }
   const std::vector<PrototypeSpool>& prototypes() const { return prototypes_; }
   // World instances; InstanceRecord::prototype counts in prototypes() here.
   SpoolArray<InstanceRecord>& instances() { return instances_; }
@@ -78,6 +82,7 @@ class SceneSpool : public SceneSink {
   Spool spool_;
   SpoolArray<InstanceRecord> instances_;
   SpoolArray<MotionRecord> motions_;
+  GridSpool grids_;
   std::vector<PrototypeSpool> prototypes_;
   std::unordered_map<ObjectId, std::uint32_t> prototype_of_;
   std::vector<AreaLightId> shape_lights_;

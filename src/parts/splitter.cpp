@@ -110,11 +110,14 @@ class SceneSplitter::Work {
   void write_prototype(std::uint32_t index);
   void move_into_world(std::uint32_t index);
   void expand_instances();
+  void add_bricks();
   std::vector<std::uint32_t> choose_main_scene();
   void write_main_scene(const std::vector<std::uint32_t>& rows);
   void write_world();
   bool write_part(std::span<Item> items, PartMaker& maker, bool accept_any);
-  PartMaker maker() { return {scene_.spool().map(), records_.map(), motions_.map(), options_.memory / 4}; }
+  PartMaker maker() {
+    return {scene_.spool().map(), records_.map(), motions_.map(), scene_.grids().map(), options_.memory / 4};
+  }
   // Room for triangles, quadrics and instances: less the largest fixed cost, as far as the size
   // allows.
   double capacity() const {
@@ -129,11 +132,11 @@ class SceneSplitter::Work {
   SceneSpool scene_;
   SpoolArray<InstanceRecord> records_;      // instances of blobs in the world
   SpoolArray<MotionRecord> motions_;        // of those that move
-  SpoolArray<Item> items_;                  // instances first, then triangles and quadrics
+  SpoolArray<Item> items_;                  // instances and bricks first, then triangles and quadrics
   std::vector<std::vector<Piece>> pieces_;  // by prototype as read
   std::vector<bool> in_main_;               // by row
   std::vector<std::uint64_t> checksums_;
-  Bounds3 instance_box_;
+  Bounds3 instance_box_;  // and of the bricks
   Manifest manifest_;
 };
 
@@ -142,6 +145,7 @@ Manifest SceneSplitter::Work::finish(SceneDescription description) {
   manifest_.shape_lights = scene_.shape_lights();
   write_prototypes();
   expand_instances();
+  add_bricks();
   write_main_scene(choose_main_scene());
   write_world();
 
@@ -264,6 +268,15 @@ void SceneSplitter::Work::expand_instances() {
     }
   }
   manifest_.moves = motions_.size() != 0;
+}
+
+void SceneSplitter::Work::add_bricks() {
+  std::uint32_t number = 0;
+  for (const SpooledBrick& b : scene_.grids().map().bricks) {
+    items_.push_back({b.box, kBrickItem, number++});
+    instance_box_.extend(b.box);
+  }
+  if (number && options_.text) warnings_.add({}, "density grids are not written as text");
 }
 
 // Rows of the shapes that every host holds. Marks them in in_main_.

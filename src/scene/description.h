@@ -109,6 +109,19 @@ struct InstanceDesc {
   std::optional<Motion> motion = {};  // of instance_to_world
 };
 
+// The densities of a grid medium: they go where geometry goes, and the description's medium is left without them.
+struct GridDesc {
+  MediumId medium;
+  glm::uvec3 size{1};  // samples along x, y, z; x runs fastest
+  Vec3 p0{0}, p1{1};   // box of the medium's space that they divide evenly
+  bool clamped = false;  // v2: beyond the first and last samples their values go on; v3: 0
+  BulkArray<float> density;
+  Transform medium_to_world;
+  FileLocation location;
+};
+// The grid of a medium of such a type, taken out of its parameters. Throws SceneError.
+std::optional<GridDesc> take_grid(MediumDesc& medium, MediumId id, Dialect dialect);
+
 // Receives the geometry of a scene while it is read, in file order; nothing is kept by the parser,
 // so that a scene of any size streams through. `scene` grows while reading: materials and area
 // lights a call names are already in it.
@@ -119,6 +132,7 @@ class SceneSink {
   virtual void end_object(ObjectId) = 0;
   virtual void shape(ShapeDesc&& shape, const SceneDescription& scene) = 0;
   virtual void instance(const InstanceDesc& instance, const SceneDescription& scene) = 0;
+  virtual void grid(GridDesc&&) {}
 };
 
 class LanguageUse;

@@ -146,7 +146,7 @@ void Parser::make_named_medium(const Token& t) {
     if (p.name != "type") others.add(p);
   e.params = std::move(others);
   e.params = builder_.resolve_textures(state_, e, std::nullopt);
-  builder_.add_named_medium(name, std::move(e), ctm_.start);
+  if (auto grid = builder_.add_named_medium(name, std::move(e), ctm_.start)) sink_.grid(std::move(*grid));
 }
 
 void Parser::medium_interface(const Token& t) {
@@ -162,7 +162,7 @@ void Parser::volume(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
   e.params = builder_.resolve_textures(state_, e, std::nullopt);
-  builder_.add_volume(std::move(e), ctm_.start);
+  if (auto grid = builder_.add_volume(std::move(e), ctm_.start)) sink_.grid(std::move(*grid));
 }
 
 void Parser::reverse_orientation(const Token& t) {

@@ -183,21 +183,24 @@ void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DM
   scene_.lights.push_back(std::move(light));
 }
 
-void SceneBuilder::add_volume(Entity entity, const DMat4& ctm) {
+std::optional<GridDesc> SceneBuilder::add_volume(Entity entity, const DMat4& ctm) {
   MediumDesc medium;
   static_cast<Entity&>(medium) = std::move(entity);
   medium.medium_to_world = to_transform(ctm);
   if (!medium.medium_to_world.is_invertible())
     throw SceneError(medium.location, "the transformation of the volume cannot be inverted");
+  const MediumId id(static_cast<std::uint32_t>(scene_.media.size()));
+  std::optional<GridDesc> grid = take_grid(medium, id, scene_.dialect);
   scene_.media.push_back(std::move(medium));
+  return grid;
 }
 
-void SceneBuilder::add_named_medium(const std::string& name, Entity entity, const DMat4& ctm) {
+std::optional<GridDesc> SceneBuilder::add_named_medium(const std::string& name, Entity entity, const DMat4& ctm) {
   if (scene_.media.size() >= kMostMedia)
     throw SceneError(entity.location,
                      "more than " + std::to_string(kMostMedia) + " participating media");
   media_[name] = MediumId(static_cast<std::uint32_t>(scene_.media.size()));
-  add_volume(std::move(entity), ctm);
+  return add_volume(std::move(entity), ctm);
 }
 
 MediumId SceneBuilder::find_medium(const std::string& name, const FileLocation& where) {

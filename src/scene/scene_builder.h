@@ -21,8 +21,9 @@ class SceneBuilder {
   void add_texture(GraphicsState& state, const std::string& name, bool is_float, Entity entity,
                    const DMat4& ctm);
   void add_light(const GraphicsState& state, Entity entity, const DMat4& ctm);
-  void add_volume(Entity entity, const DMat4& ctm);
-  void add_named_medium(const std::string& name, Entity entity, const DMat4& ctm);
+  // Either gives back the grid of the medium, if it has one.
+  std::optional<GridDesc> add_volume(Entity entity, const DMat4& ctm);
+  std::optional<GridDesc> add_named_medium(const std::string& name, Entity entity, const DMat4& ctm);
   // None, with a warning, for a name that no medium has; "" is vacuum.
   MediumId find_medium(const std::string& name, const FileLocation& where);
   std::shared_ptr<MaterialSource> make_material(const GraphicsState& state, Entity entity,

@@ -128,6 +128,34 @@ void set_exponential(const MediumDesc& desc, Medium& m) {
   m.up = up / length;
 }
 
+bool is_grid(const MediumDesc& desc, Dialect dialect) {
+  return dialect == Dialect::v2 ? desc.type == "volumegrid" : desc.type == "heterogeneous" || desc.type == "uniformgrid";
+}
+
+// Of a medium's coefficients; the densities have been taken out of the description.
+GridMedium make_grid(const MediumDesc& desc, const Medium& m) {
+  for (const char* name : {"nx", "ny", "nz"}) desc.params.integer(name, 1);
+  const Vec3 diagonal = desc.params.point3("p1", Vec3(1.f)) - desc.params.point3("p0", Vec3(0.f));
+  GridMedium grid;
+  grid.g = m.g;
+  grid.blocking = m.sigma_t;
+  for (int c = 0; c < 3; ++c) {
+    if (m.sigma_t[c] > 0.f) {
+      grid.event[c] = m.sigma_t[c];
+      grid.albedo[c] = m.sigma_s[c] / m.sigma_t[c];
+    } else if (m.emission[c] > 0.f) {
+      grid.event[c] = 1.f / glm::length(diagonal);
+    }
+  }
+  // A channel that only another one stops is stopped with it.
+  const float largest = std::max(grid.event.x, std::max(grid.event.y, grid.event.z));
+  for (int c = 0; c < 3; ++c)
+    if (grid.event[c] == 0.f && is_black(m.sigma_t)) grid.event[c] = largest;
+  for (int c = 0; c < 3; ++c)
+    if (grid.event[c] > 0.f) grid.emission[c] = m.emission[c] / grid.event[c];
+  return grid;
+}
+
 Medium make_medium(const MediumDesc& desc, Dialect dialect, Warnings& warnings) {
   Medium m;
   const bool v2 = dialect == Dialect::v2;
@@ -152,11 +180,13 @@ Medium make_medium(const MediumDesc& desc, Dialect dialect, Warnings& warnings) 
     m.emission = coefficient(desc, "Le", Rgb(0.f));
     set_box(desc, m);
   }
+  if (is_grid(desc, dialect)) return m;
   if (v2 && desc.type == "exponential") {
     set_exponential(desc, m);
   } else if (desc.type != "homogeneous") {
     warnings.add(desc.location, "the medium \"" + desc.type + "\" is not supported; expected " +
-                                    (v2 ? "homogeneous or exponential" : "homogeneous") + ": left out");
+                                    (v2 ? "homogeneous, exponential or volumegrid" : "homogeneous, heterogeneous or uniformgrid") +
+                                    ": left out");
     return {};
   }
   desc.params.report_unused((v2 ? "Volume \"" : "MakeNamedMedium \"") + desc.type + "\"", warnings);
@@ -169,7 +199,18 @@ std::unique_ptr<const Media> Media::build(const SceneDescription& scene, Warning
   if (scene.media.empty()) return nullptr;
   auto out = std::make_unique<Media>();
   out->all_ = scene.dialect == Dialect::v2;
-  for (const MediumDesc& desc : scene.media) out->media_.push_back(make_medium(desc, scene.dialect, warnings));
+  for (const MediumDesc& desc : scene.media) {
+    Medium medium = make_medium(desc, scene.dialect, warnings);
+    if (is_grid(desc, scene.dialect)) {
+      out->grids_.resize(scene.media.size());
+      GridMedium& grid = out->grids_[out->media_.size()] = make_grid(desc, medium);
+      const Rgb& e = grid.event;
+      out->chromatic_grids_ = out->chromatic_grids_ || e.x != e.y || e.x != e.z;
+      desc.params.report_unused("the density grid", warnings);
+      medium = {};
+    }
+    out->media_.push_back(medium);
+  }
   return out;
 }
 
@@ -213,6 +254,7 @@ MediumSample Media::sample(std::uint16_t medium, const MediumRay& ray, const Med
 Rgb Media::unmarched(const MediumRay& ray, float step, const MediumNumbers& numbers) const {
   double start = static_cast<double>(kInfinity), end = 0;
   for (const Medium& m : media_) {
+    if (is_black(m.sigma_t)) continue;  // a grid, for one
     const Stretch s(m, ray);
     if (s.empty()) continue;
     start = std::min(start, s.start());

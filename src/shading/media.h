@@ -54,6 +54,15 @@ struct Medium {
   Vec3 up{0, 1, 0};
 };
 
+// A medium whose density is a grid: bricks of it stand in parts. Where it shines but does not attenuate, rays stop
+// nevertheless, by `event`, to take the light along.
+struct GridMedium {
+  Rgb albedo{0};           // sigma_s / sigma_t
+  Rgb event{0}, blocking{0};  // collisions a unit of length and density: see CollisionRate; blocking is sigma_t
+  Rgb emission{0};         // at an event: of the medium over `event`
+  float g = 0;
+};
+
 // The media of a scene. Path segments name the one that they are in by 1 + its number, 0 is vacuum. In scenes of
 // pbrt-v2 all regions are everywhere, and the number says nothing. Immutable, any thread.
 //
@@ -66,6 +75,11 @@ class Media {
   static std::unique_ptr<const Media> build(const SceneDescription& scene, Warnings& warnings);
   // Throws and warns as build() does.
   static void check(const SceneDescription& scene, Warnings& warnings) { build(scene, warnings); }
+
+  // By medium, those of no grid black; empty: the scene has none.
+  std::span<const GridMedium> grids() const { return grids_; }
+  // Rates differ between the channels: a path is of one channel then.
+  bool chromatic_grids() const { return chromatic_grids_; }
 
   Rgb transmittance(std::uint16_t medium, const MediumRay& ray) const;
   MediumSample sample(std::uint16_t medium, const MediumRay& ray, const MediumNumbers& numbers) const;
@@ -83,6 +97,8 @@ class Media {
   }
 
   std::vector<Medium> media_;
+  std::vector<GridMedium> grids_;
+  bool chromatic_grids_ = false;
   bool all_ = false;  // everywhere: pbrt-v2
 };
 

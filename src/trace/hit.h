@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "base/lanes.h"
+#include "base/random.h"
 #include "cloudrenderer/math.h"
 
 namespace cloudrenderer {
@@ -15,10 +16,22 @@ struct Hit {
   float u = 0, v = 0;                    // Embree's barycentrics: p = (1-u-v) a + u b + v c; of curves CurveHit's
   std::uint32_t part = 0xffffffffu;      // none: nothing hit here (t, shape, primitive may be another host's hit)
   std::uint32_t instance = 0xffffffffu;  // index into the part's instances
-  std::uint32_t geometry = 0;            // 0 triangles, 1 quadrics, 2 curves
+  std::uint32_t geometry = 0;            // 0 triangles, 1 quadrics, 2 curves, kBrickHit
   std::uint32_t index = 0;               // triangle, quadric or curve segment in the part, or in the prototype of the instance
   std::uint32_t shape = 0xffffffffu;
   std::uint32_t primitive = 0xffffffffu;
+};
+
+inline constexpr std::uint32_t kBrickHit = 3;
+
+// What a ray must know to collide with bricks of density grids.
+struct BrickRay {
+  static constexpr std::uint16_t kAnyMedium = 0xffffu;
+  std::uint64_t key = 0;     // of its random numbers
+  const SampleSequence* sequence = nullptr;  // of its path, for the first number in each brick: less noise; or none
+  std::uint32_t dimension = 0;  // of the sequence
+  std::uint32_t channel = 0; // whose rates count
+  std::uint16_t medium = kAnyMedium;  // only bricks of this one count: 1 + its number
 };
 
 struct TraceRay {
@@ -26,6 +39,7 @@ struct TraceRay {
   float t_max = kInfinity;
   Vec3 direction;
   float time = 0;  // of the path; matters to instances that move
+  const BrickRay* bricks = nullptr;  // none: bricks are nothing to it
 };
 
 // Eight rays in lanes.

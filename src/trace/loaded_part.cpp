@@ -106,6 +106,48 @@ void moving_occluded(const RTCOccludedFunctionNArguments* args) {
   }
 }
 
+void brick_bounds(const RTCBoundsFunctionArguments* args) {
+  const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  const DensityBrick& brick = self->part().bricks[args->primID].brick;
+  const Bounds3 b = grown(Bounds3{brick.low, brick.high}.transformed(brick.object_to_world));
+  *args->bounds_o = {b.min.x, b.min.y, b.min.z, 0, b.max.x, b.max.y, b.max.z, 0};
+}
+
+// Only single rays come with what they need to collide.
+const BrickRay* brick_ray(const RTCIntersectContext* context, unsigned n) {
+  return n == 1 ? reinterpret_cast<const QueryContext*>(context)->bricks : nullptr;
+}
+
+void brick_intersect(const RTCIntersectFunctionNArguments* args) {
+  const BrickRay* bricks = brick_ray(args->context, args->N);
+  if (!bricks || !args->valid[0]) return;
+  const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  RTCRayN* ray = RTCRayHitN_RayN(args->rayhit, 1);
+  const LaneRay r = lane_ray(ray, 1, 0);
+  const float t = self->collide(args->primID, r.origin, r.direction, r.t_far, *bricks, false);
+  if (!(t < r.t_far)) return;
+  RTCHit hit{};
+  hit.geomID = args->geomID;
+  hit.primID = args->primID;
+  hit.instID[0] = args->context->instID[0];
+  RTCRayN_tfar(ray, 1, 0) = t;
+  int valid = -1;
+  RTCFilterFunctionNArguments f{&valid, args->geometryUserPtr, args->context, ray, reinterpret_cast<RTCHitN*>(&hit), 1};
+  intersect_filter(&f);
+  if (valid)
+    rtcCopyHitToHitN(RTCRayHitN_HitN(args->rayhit, 1), &hit, 1, 0);
+  else
+    RTCRayN_tfar(ray, 1, 0) = r.t_far;
+}
+
+void brick_occluded(const RTCOccludedFunctionNArguments* args) {
+  const BrickRay* bricks = brick_ray(args->context, args->N);
+  if (!bricks || !args->valid[0]) return;
+  const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  const LaneRay r = lane_ray(args->ray, 1, 0);
+  if (self->collide(args->primID, r.origin, r.direction, r.t_far, *bricks, true) < r.t_far) RTCRayN_tfar(args->ray, 1, 0) = -kInfinity;
+}
+
 }  // namespace
 
 // Hits come in an order that depends on the BVH. What counts is the order (t, shape, primitive), so the first of
@@ -164,9 +206,9 @@ void occluded_filter(const RTCFilterFunctionNArguments* args) {
   }
 }
 
-LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, Part part,
+LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, const std::vector<CollisionRate>& rates, Part part,
                        std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form)
-    : device_(std::move(device)), alpha_(alpha), part_(std::move(part)), prototypes_(std::move(prototypes)) {
+    : device_(std::move(device)), alpha_(alpha), rates_(rates), part_(std::move(part)), prototypes_(std::move(prototypes)) {
   const auto masked = [](const auto& x) { return x.alpha_texture != kNone; };
   has_alpha_ = alpha_ && (std::ranges::any_of(part_.chunks, masked) || std::ranges::any_of(part_.quadrics, masked) ||
                           std::ranges::any_of(part_.curves.groups, masked) ||
@@ -177,6 +219,7 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
                   part_.quadrics.size_bytes() + part_.instances.size_bytes() + loaded_bytes::kSceneObject +
                   part_.quadrics.size() * sizeof(BoundingSphere) + part_.curves.size_bytes() +
                   part_.curves.groups.size() * sizeof(glm::dmat3) + part_.motions.size_bytes() +
+                  part_.bricks.size_bytes() + part_.densities.size_bytes() +
                   part_.motions.size() * (sizeof(AnimatedTransform) + sizeof(Moving)) +
                   part_.instances.size() * loaded_bytes::kInstanceObject;
   const std::uint64_t before = device_->bytes();
@@ -185,7 +228,8 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
   rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST |
                                      (has_alpha_ ? RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION : RTC_SCENE_FLAG_NONE));
   // Embree builds a mesh fast only on its own, below a tree of meshes: with other shapes beside it that is no gain.
-  if (form == BvhForm::passing && part_.quadrics.empty() && part_.instances.empty() && part_.curves.segments.empty())
+  if (form == BvhForm::passing && part_.quadrics.empty() && part_.instances.empty() && part_.curves.segments.empty() &&
+      part_.bricks.empty())
     quality_ = RTC_BUILD_QUALITY_LOW;
   rtcSetSceneBuildQuality(scene_.get(), quality_);
   add_triangles();
@@ -193,7 +237,9 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alph
   add_curves();
   add_moving();
   add_instances();
-  few_quadrics_ = part_.triangles.empty() && part_.instances.empty() && part_.curves.segments.empty() && part_.quadrics.size() <= 4;
+  add_bricks();
+  few_quadrics_ = part_.triangles.empty() && part_.instances.empty() && part_.curves.segments.empty() &&
+                  part_.bricks.empty() && part_.quadrics.size() <= 4;
   rtcCommitScene(scene_.get());
   device_->check("build");
   const std::uint64_t after = device_->bytes();
@@ -301,11 +347,40 @@ const LoadedPart::Moving* LoadedPart::moving_instance(std::uint32_t instance) co
   return found != moving_.end() && found->instance == instance ? &*found : nullptr;
 }
 
+void LoadedPart::add_bricks() {
+  if (part_.bricks.empty()) return;
+  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
+  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(part_.bricks.size()));
+  rtcSetGeometryUserData(g.get(), this);
+  rtcSetGeometryBoundsFunction(g.get(), brick_bounds, nullptr);
+  rtcSetGeometryIntersectFunction(g.get(), brick_intersect);
+  rtcSetGeometryOccludedFunction(g.get(), brick_occluded);
+  rtcCommitGeometry(g.get());
+  rtcAttachGeometryByID(scene_.get(), g.get(), kFirstInstance + 1 + static_cast<unsigned>(part_.instances.size()));
+  device_->check("bricks");
+}
+
+float LoadedPart::collide(std::uint32_t brick, const Vec3& origin, const Vec3& direction, float t_far, const BrickRay& ray,
+                          bool shadow) const {
+  const BrickRecord& b = part_.bricks[brick];
+  if (ray.medium != BrickRay::kAnyMedium && ray.medium != b.medium + 1) return kInfinity;
+  if (b.medium >= rates_.size()) return kInfinity;
+  const CollisionRate& rate = rates_[b.medium];
+  const std::uint64_t number = mix64((std::uint64_t{b.shape} << 32) | b.primitive), key = mix64(ray.key + number);
+  Vec2 first{to_unit(static_cast<std::uint32_t>(key >> 32)), to_unit(static_cast<std::uint32_t>(key))};
+  if (ray.sequence) first = ray.sequence->get_2d(ray.dimension + static_cast<std::uint32_t>(number));
+  return track(b.brick, part_.densities.subspan(b.first_sample, b.sample_count()), origin, direction, t_far,
+               (shadow ? rate.blocking : rate.event)[static_cast<int>(ray.channel)], first, key);
+}
+
 void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
                      std::uint32_t& primitive) const {
   if (instance != kNone) {
     prototype(instance).ids(geometry, index, kNone, shape, primitive);
     shape += part_.instances[instance].first_shape;
+  } else if (is_brick(geometry, instance)) {
+    shape = part_.bricks[index].shape;
+    primitive = part_.bricks[index].primitive;
   } else if (geometry == kTriangles) {
     const MeshChunk& chunk = part_.chunk_of(index);
     shape = chunk.shape;
@@ -321,6 +396,7 @@ void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t insta
 
 bool LoadedPart::opaque(unsigned geometry, std::uint32_t index, float u, float v, const Vec3& origin,
                         const Vec3& direction, float t, bool shadow) const {
+  if (geometry >= kFirstInstance) return true;  // a brick
   if (geometry == kTriangles) {
     const MeshChunk& c = part_.chunk_of(index);
     const std::uint32_t texture = shadow && c.shadow_alpha_texture != kNone ? c.shadow_alpha_texture : c.alpha_texture;

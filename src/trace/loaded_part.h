@@ -8,12 +8,13 @@
 
 namespace cloudrenderer {
 
-// Geometry numbers in every scene: triangles, quadrics, curves, then one for each instance; one more for those that move.
+// Geometry numbers in every scene: triangles, quadrics, curves, then one for each instance, one more for those that move,
+// and the bricks.
 inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = 2, kFirstInstance = 3;
 
 class LoadedPart {
  public:
-  LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, Part part,
+  LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, const std::vector<CollisionRate>& rates, Part part,
              std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form);
   ~LoadedPart();
   LoadedPart(const LoadedPart&) = delete;
@@ -60,6 +61,12 @@ class LoadedPart {
     return misses;
   }
 
+  bool is_brick(std::uint32_t geometry, std::uint32_t instance) const {
+    return instance == kNone && !part_.bricks.empty() && geometry == kFirstInstance + 1 + part_.instances.size();
+  }
+  // Where the ray collides with the brick before t_far, or infinity.
+  float collide(std::uint32_t brick, const Vec3& origin, const Vec3& direction, float t_far, const BrickRay& ray, bool shadow) const;
+
   // Global ids of a hit in this part; instance: kNone or an index.
   void ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
            std::uint32_t& primitive) const;
@@ -74,9 +81,11 @@ class LoadedPart {
   bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow) const;
   void add_instances();
   void add_moving();
+  void add_bricks();
 
   std::shared_ptr<Device> device_;
   const AlphaFunction& alpha_;
+  const std::vector<CollisionRate>& rates_;
   Part part_;
   std::vector<std::shared_ptr<const LoadedPart>> prototypes_;  // by prototype number; those the instances need
   bool has_alpha_ = false, few_quadrics_ = false;
@@ -120,6 +129,7 @@ MaskOf<F> LoadedPart::surely_misses(std::uint32_t quadric, const Vec3Of<F>& orig
 struct QueryContext {
   RTCIntersectContext embree;  // first: Embree hands us its address
   const LoadedPart* part = nullptr;
+  const BrickRay* bricks = nullptr;  // of a single ray
   // The best hit so far of each lane (one lane for single rays), in terms of the part being traced; a hit of another
   // part or host has instance = geometry = kForeign and its global ids in shape, primitive.
   struct Lane {

@@ -13,11 +13,13 @@ QueryContext::Lane lane_of(const Hit& hit) {
   return {hit.t, kForeign, 0, kForeign, hit.shape, hit.primitive};
 }
 
-QueryContext make_context(const LoadedPart& part, QueryContext::Lane* lanes, bool coherent, const float* times) {
+QueryContext make_context(const LoadedPart& part, QueryContext::Lane* lanes, bool coherent, const float* times,
+                          const BrickRay* bricks = nullptr) {
   QueryContext c;
   rtcInitIntersectContext(&c.embree);
   if (coherent) c.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   c.part = &part;
+  c.bricks = bricks;
   c.lanes = lanes;
   c.times = times;
   return c;
@@ -29,7 +31,7 @@ void take_hit(const LoadedPart& part, std::uint32_t part_id, const QueryContext:
   hit.v = v;
   hit.part = part_id;
   hit.instance = lane.instance;
-  hit.geometry = lane.geometry;
+  hit.geometry = part.is_brick(lane.geometry, lane.instance) ? kBrickHit : lane.geometry;
   hit.index = lane.index;
   part.ids(lane.geometry, lane.index, lane.instance, hit.shape, hit.primitive);
 }
@@ -101,7 +103,7 @@ bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit
   const float t_far = std::min(ray.t_max, reach(hit.t));
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, t_far)) return false;
   QueryContext::Lane lane = lane_of(hit);
-  QueryContext context = make_context(part, &lane, false, &ray.time);
+  QueryContext context = make_context(part, &lane, false, &ray.time, ray.bricks);
   RTCRayHit rh;
   rh.ray = single_ray(ray, t_far);
   rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -139,7 +141,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
 bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
   const LoadedPart& part = *parts_[part_id];
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, ray.t_max)) return false;
-  QueryContext context = make_context(part, nullptr, false, &ray.time);
+  QueryContext context = make_context(part, nullptr, false, &ray.time, ray.bricks);
   RTCRay r = single_ray(ray, ray.t_max);
   rtcOccluded1(part.scene(), &context.embree, &r);
   return r.tfar < 0;
@@ -165,9 +167,10 @@ Resident::Resident(const Options& options)
 Resident::~Resident() = default;
 
 void Resident::set_alpha(AlphaFunction alpha) { alpha_ = std::move(alpha); }
+void Resident::set_collision_rates(std::vector<CollisionRate> rates) { rates_ = std::move(rates); }
 
 std::uint64_t Resident::load_prototype(std::uint32_t prototype, Part part) {
-  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, std::move(part),
+  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, rates_, std::move(part),
                                                    std::vector<std::shared_ptr<const LoadedPart>>(), BvhForm::fast);
   const std::lock_guard lock(mutex_);
   if (prototypes_.size() <= prototype) prototypes_.resize(prototype + 1);
@@ -183,7 +186,7 @@ std::uint64_t Resident::load_part(PartId id, Part part, BvhForm form) {
     for (const InstanceRecord& r : part.instances)
       if (r.prototype < prototypes_.size()) needed[r.prototype] = prototypes_[r.prototype];
   }
-  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, std::move(part), std::move(needed), form);
+  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, rates_, std::move(part), std::move(needed), form);
   const std::lock_guard lock(mutex_);
   auto next = std::make_shared<ResidentSet>(*set_);
   if (next->parts_.size() <= id.value) next->parts_.resize(id.value + 1);

@@ -18,6 +18,12 @@ namespace cloudrenderer {
 // Value of an alpha texture at a point of a shape: 0 means "no surface here".
 using AlphaFunction = std::function<float(std::uint32_t texture, const Vec2& uv, const Vec3& p)>;
 
+// Of the grid media of a scene, by medium: collisions a unit of length and density.
+struct CollisionRate {
+  Rgb event{0};     // where a path stops
+  Rgb blocking{0};  // that end a shadow ray
+};
+
 class Device;        // Embree's device with its memory counter
 class LoadedPart;    // one part or prototype with its BVH
 
@@ -66,6 +72,7 @@ class Resident {
   void unload_prototype(std::uint32_t prototype);  // dropped when the last part that uses it goes
   bool has_prototype(std::uint32_t prototype) const;
   void set_alpha(AlphaFunction alpha);  // before the first load
+  void set_collision_rates(std::vector<CollisionRate> rates);  // likewise
 
   std::uint64_t bytes() const;       // arrays and BVHs now
   std::uint64_t peak_bytes() const;  // the most that bytes() has been, builds included
@@ -73,6 +80,7 @@ class Resident {
 
  private:
   AlphaFunction alpha_;
+  std::vector<CollisionRate> rates_;
   std::shared_ptr<Device> device_;
   mutable std::mutex mutex_;
   std::vector<std::shared_ptr<const LoadedPart>> prototypes_;

@@ -58,6 +58,41 @@ class SameBits(support.ClusterTest):
             asked += report["rays"]["shadow_asked"]
         self.assertGreater(asked, 0, "no shadow ray was asked of another host")
 
+    def test_a_cloud_in_bricks_and_shadow_rays_through_media(self):
+        n = 40
+        density = np.random.default_rng(3).random(n ** 3) ** 2
+        scene = self.folder / "cloud.pbrt"
+        scene.write_text(f"""
+LookAt 0 .8 -4.2  0 0 0  0 1 0
+MakeNamedMedium "haze" "string type" "homogeneous" "rgb sigma_a" [.01 .01 .02] "rgb sigma_s" [.05 .04 .02]
+MediumInterface "" "haze"
+Camera "perspective" "float fov" [38]
+Integrator "volpath" "integer maxdepth" [20]
+WorldBegin
+LightSource "infinite" "rgb L" [.3 .4 .6]
+LightSource "point" "rgb I" [20 18 15] "point from" [2 3 -2]
+MakeNamedMedium "cloud" "string type" "heterogeneous" "rgb sigma_a" [.1 .1 .1] "rgb sigma_s" [9 9 9] "float g" [.4]
+  "point p0" [-1 -1 -1] "point p1" [1 1 1] "integer nx" [{n}] "integer ny" [{n}] "integer nz" [{n}]
+  "float density" [{" ".join(f"{d:.3f}" for d in density)}]
+AttributeBegin
+Material ""
+MediumInterface "cloud" "haze"
+Shape "sphere" "float radius" [1.75]
+AttributeEnd
+Material "glass"
+MediumInterface "haze" "haze"
+Translate 1.5 -1.2 -1
+Shape "sphere" "float radius" [.5]
+WorldEnd
+""")
+        small = ("--part-size", "100KiB")
+        wanted, report = self.render("one", scene, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
+        self.assertGreater(float(np.mean(wanted)), 0)
+        share = int(report["hosts"][0]["memory_peak"] * 0.65)
+        found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
+        self.assertGreater(found["rays"]["moved"], 0)
+        self.assertGreater(found["rays"]["shadow_asked"], 0)
+
     def test_another_seed_is_another_picture(self):
         a, _ = self.render("a", support.SCENE, "--spp", 2, "--resolution", "40x40")
         b, _ = self.render("b", support.SCENE, "--spp", 2, "--resolution", "40x40", "--seed", 1)

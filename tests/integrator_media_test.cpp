@@ -1,0 +1,84 @@
+// A path through participating media is the same bits however the scene is split.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <random>
+
+#include "integrator_support.h"
+#include "parts/split.h"
+#include "parts_support.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr unsigned kSeed = 5;
+
+std::string grid_numbers(std::uint32_t nx, std::uint32_t ny, std::uint32_t nz) {
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<float> uniform(0.f, 1.f);
+  std::string out = "\"integer nx\" [" + std::to_string(nx) + "] \"integer ny\" [" + std::to_string(ny) + "] \"integer nz\" [" +
+                    std::to_string(nz) + "] \"float density\" [";
+  for (std::uint32_t i = 0; i < nx * ny * nz; ++i) out += std::to_string(uniform(random)) + ' ';
+  return out + "]\n";
+}
+
+Sums render_split(const std::string& text, std::uint64_t part_size, std::size_t& parts, RayCounts& counts) {
+  prepare_compute_thread();
+  const parts_test::TemporaryFolder folder;
+  const std::string scene = folder.path("scene.pbrt"), split = folder.path("split");
+  std::ofstream(scene) << text;
+  Warnings warnings;
+  SplitOptions options;
+  options.part_size = part_size;
+  const Manifest m = split_scene(scene, split, options, warnings);
+  EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
+  parts = m.parts.size();
+  Resident resident({});
+  const auto read = [](const std::string& path) { return *read_part_file(path); };
+  const PathTracer tracer(m, job_settings(m.scene, {}, warnings), read(part_path(split, 0)), resident, warnings);
+  for (std::uint32_t i = 1; i < m.parts.size(); ++i) resident.load_part(PartId(i), read(part_path(split, i)));
+  return render(tracer, 1000, counts);
+}
+
+void expect_same_in_all_splits(const std::string& text) {
+  std::size_t few, many;
+  RayCounts together, apart;
+  const Sums sums = render_split(text, std::uint64_t{64} << 20, few, together);
+  EXPECT_EQ(render_split(text, 60000, many, apart), sums);
+  EXPECT_EQ(few, 2u);
+  EXPECT_GT(many, 5u);
+  EXPECT_EQ(apart.bounce, together.bounce);
+  EXPECT_EQ(apart.shadow, together.shadow);
+  EXPECT_GT(together.shadow, 300u);
+  EXPECT_EQ(together.invalid, 0u);
+}
+
+const std::string kHead = R"(
+LookAt 0 -6 1  0 0 0.5  0 0 1
+Camera "perspective" "float fov" [40]
+Film "image" "integer xresolution" [16] "integer yresolution" [12] "string filename" "media.exr"
+Sampler "lowdiscrepancy" "integer pixelsamples" [4]
+)";
+const std::string kThings = R"(
+LightSource "point" "color I" [9 9 9] "point from" [2 -2 4]
+LightSource "infinite" "color L" [.2 .3 .4]
+Material "matte"
+Shape "trianglemesh" "point P" [-4 -4 -1  4 -4 -1  4 4 -1  -4 4 -1] "integer indices" [0 1 2 2 3 0]
+)";
+
+TEST(Media, ChromaticGridsOfPbrt2) {
+  expect_same_in_all_splits(kHead + "SurfaceIntegrator \"directlighting\"\nVolumeIntegrator \"single\"\nWorldBegin\n" + kThings +
+                            "Volume \"volumegrid\" \"color sigma_a\" [.1 .2 .3] \"color sigma_s\" [.9 .5 .4] \"color Le\" [.1 .1 0] "
+                            "\"point p0\" [-1 -1 -.5] \"point p1\" [1 1 1.5] " + grid_numbers(40, 36, 30) +
+                            "Volume \"homogeneous\" \"color sigma_s\" [.1 .1 .1] \"point p0\" [-2 -2 -1] \"point p1\" [2 2 1]\nWorldEnd\n");
+}
+
+TEST(Media, AGridInsideOfAnInterface) {
+  expect_same_in_all_splits(kHead + "Integrator \"volpath\" \"integer maxdepth\" [20]\nWorldBegin\n" + kThings +
+                            "MakeNamedMedium \"cloud\" \"string type\" \"heterogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" [4 4 4] \"float g\" [.5] "
+                            "\"point p0\" [-1 -1 -.5] \"point p1\" [1 1 1.5] " + grid_numbers(40, 36, 30) +
+                            "AttributeBegin\nMaterial \"\"\nMediumInterface \"cloud\" \"\"\nTranslate 0 0 .5\nShape \"sphere\" \"float radius\" [2]\nAttributeEnd\nWorldEnd\n");
+}
+
+}  // namespace
+}  // namespace cloudrenderer
