@@ -55,6 +55,54 @@ void seal(std::vector<char>& bytes) {  // makes a changed file's checksum right 
   std::memcpy(bytes.data() + 24, &sum, sizeof sum);
 }
 
+BrickRecord brick(std::uint32_t number, float majorant) {
+  BrickRecord b;
+  b.brick.high = Vec3(1.f);
+  b.brick.scale = Vec3(2.f);
+  b.brick.size = {3, 2, 4};
+  b.brick.majorant = majorant;
+  b.primitive = number;
+  return b;
+}
+
+TEST(PartFile, BricksOfDensityGrids) {
+  std::vector<float> samples(24, .5f);
+  samples[7] = 2;
+  PartBuilder b = example();
+  const std::uint64_t plain = b.predicted_bytes();
+  b.add_brick(brick(3, 2), samples);
+  b.add_brick(brick(4, 2), samples);
+  EXPECT_GE(b.predicted_bytes(), plain + 2 * (sizeof(BrickRecord) + 24 * sizeof(float)));
+  const Part p = b.build();
+  ASSERT_EQ(p.bricks.size(), 2u);
+  EXPECT_EQ(p.bricks[1].primitive, 4u);
+  EXPECT_EQ(p.bricks[1].first_sample, 24u);
+  EXPECT_EQ(p.densities[24 + 7], 2.f);
+  EXPECT_EQ(p.instances.size(), 1u);
+  EXPECT_EQ(example().build().bricks.size(), 0u);
+}
+
+TEST(PartFile, RefusesBricksThatAreWrong) {
+  const std::vector<float> samples(24, .5f), negative(24, -1.f);
+  const auto refused = [](const BrickRecord& wrong, std::span<const float> densities) {
+    PartBuilder b;
+    b.add_brick(wrong, densities);
+    EXPECT_THROW(b.build(), std::invalid_argument);
+  };
+  refused(brick(0, .1f), samples);  // above its majorant
+  refused(brick(0, 1), negative);
+  refused(brick(0, 1), std::span(samples).first(23));
+  BrickRecord b = brick(0, 1);
+  b.brick.size[1] = 1;
+  refused(b, samples);
+  b = brick(0, 1);
+  b.brick.low.x = 2;
+  refused(b, samples);
+  b = brick(0, 1);
+  b.brick.scale.y = kInfinity;
+  refused(b, samples);
+}
+
 TEST(PartFile, GivesBackWhatWasWritten) {
   const TemporaryFolder folder;
   PartBuilder b = example();

@@ -32,6 +32,7 @@ void expect_equal(const PathSegment& a, const PathSegment& b) {
   EXPECT_EQ(a.flags, b.flags);
   EXPECT_EQ(a.window, b.window);
   EXPECT_EQ(a.passed, b.passed);
+  EXPECT_EQ(a.medium, b.medium);
   EXPECT_EQ(a.cone_width, b.cone_width);
   EXPECT_EQ(a.cone_spread, b.cone_spread);
 }
@@ -67,6 +68,7 @@ TEST(Codec, LeavesOutColumnsThatTheJobDoesNotNeed) {
   EXPECT_EQ(s.previous_normal, Vec3(0.f));
   EXPECT_EQ(s.cone_width, 0.f);
   EXPECT_EQ(s.passed, original.passed);
+  EXPECT_EQ(s.medium, 0);
 }
 
 TEST(Codec, NeedsAboutAHundredBytesASegment) {

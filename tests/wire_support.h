@@ -29,6 +29,7 @@ inline PathSegment some_segment(std::uint64_t i) {
   s.flags = static_cast<std::uint16_t>(i % 4);
   s.window = static_cast<std::uint16_t>(i % 2);
   s.passed = static_cast<std::uint16_t>(i % 3);
+  s.medium = static_cast<std::uint16_t>(i % 5);
   s.cone_width = u(13);
   s.cone_spread = u(14) - 0.5f;
   return s;

@@ -19,10 +19,14 @@ std::uint32_t axis_size(const MediumDesc& medium, const char* name) {
 
 }  // namespace
 
+bool is_grid(const MediumDesc& medium, Dialect dialect) {
+  return dialect == Dialect::v2 ? medium.type == "volumegrid"
+                                : medium.type == "heterogeneous" || medium.type == "uniformgrid";
+}
+
 std::optional<GridDesc> take_grid(MediumDesc& medium, MediumId id, Dialect dialect) {
   const bool v2 = dialect == Dialect::v2;
-  if (v2 ? medium.type != "volumegrid" : medium.type != "heterogeneous" && medium.type != "uniformgrid")
-    return std::nullopt;
+  if (!is_grid(medium, dialect)) return std::nullopt;
   GridDesc grid;
   grid.medium = id;
   grid.size = {axis_size(medium, "nx"), axis_size(medium, "ny"), axis_size(medium, "nz")};

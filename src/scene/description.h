@@ -119,7 +119,8 @@ struct GridDesc {
   Transform medium_to_world;
   FileLocation location;
 };
-// The grid of a medium of such a type, taken out of its parameters. Throws SceneError.
+bool is_grid(const MediumDesc& medium, Dialect dialect);
+// The grid of such a medium, taken out of its parameters. Throws SceneError.
 std::optional<GridDesc> take_grid(MediumDesc& medium, MediumId id, Dialect dialect);
 
 // Receives the geometry of a scene while it is read, in file order; nothing is kept by the parser,

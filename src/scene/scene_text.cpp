@@ -129,10 +129,14 @@ void write_named_media(std::ostream& out, const SceneDescription& scene) {
     write_transform(out, m.medium_to_world);
     out << "MakeNamedMedium ";
     write_quoted(out, medium_name(MediumId(static_cast<std::uint32_t>(i))));
-    out << " \"string type\" ";
-    write_quoted(out, m.type);
-    out << '\n';
-    write_params(out, m.params, scene.dialect);
+    if (is_grid(m, scene.dialect)) {  // its densities are in the parts
+      out << " \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" [0 0 0]\n";
+    } else {
+      out << " \"string type\" ";
+      write_quoted(out, m.type);
+      out << '\n';
+      write_params(out, m.params, scene.dialect);
+    }
     out << "Identity\n";
   }
   if (scene.camera.medium) write_medium_interface(out, scene.camera.medium, scene.camera.medium);
@@ -187,6 +191,7 @@ void write_world_head(std::ostream& out, const SceneDescription& scene) {
   }
   if (scene.dialect == Dialect::v2)
     for (const MediumDesc& m : scene.media) {
+      if (is_grid(m, scene.dialect)) continue;  // its densities are in the parts
       out << "AttributeBegin\n";
       write_transform(out, m.medium_to_world);
       write_entity(out, "Volume", m, scene.dialect);

@@ -128,10 +128,6 @@ void set_exponential(const MediumDesc& desc, Medium& m) {
   m.up = up / length;
 }
 
-bool is_grid(const MediumDesc& desc, Dialect dialect) {
-  return dialect == Dialect::v2 ? desc.type == "volumegrid" : desc.type == "heterogeneous" || desc.type == "uniformgrid";
-}
-
 // Of a medium's coefficients; the densities have been taken out of the description.
 GridMedium make_grid(const MediumDesc& desc, const Medium& m) {
   for (const char* name : {"nx", "ny", "nz"}) desc.params.integer(name, 1);

@@ -18,7 +18,7 @@ float interpolate(const DensityBrick& brick, std::span<const float> samples, con
   for (int a = 0; a < 3; ++a) {
     const auto i = static_cast<std::size_t>(a);
     const auto last = static_cast<float>(brick.size[i] - 1);
-    const float at = std::min(std::max((p[a] - brick.first[a]) * brick.scale[a], 0.f), last);
+    const float at = std::min(std::max(0.f, (p[a] - brick.first[a]) * brick.scale[a]), last);  // NaN becomes 0
     cell[i] = std::min(static_cast<std::uint32_t>(at), brick.size[i] - 2);
     part[a] = at - static_cast<float>(cell[i]);
   }
