@@ -1,6 +1,7 @@
 // A part file whose magic, length and checksum are right, read and walked through.
 #include <xxhash.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "fuzz/fuzz.h"
@@ -24,7 +25,7 @@ void seal(std::byte* file, std::size_t size) {
   std::memcpy(&header, file, sizeof header);
   header.magic = part_format::kMagic;
   header.version = part_format::kVersion;
-  header.section_count = part_format::kSectionCount;
+  header.section_count = std::clamp<std::uint32_t>(header.section_count, part_format::kBaseSections, part_format::kSectionCount);
   header.file_bytes = size;
   header.reserved = {};
   header.checksum = XXH3_64bits(file + sizeof header, size - sizeof header);
