@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "scene/color_space.h"
 #include "scene/description.h"
 #include "scene/transforms.h"
 
@@ -50,6 +51,9 @@ struct GraphicsState {
   std::shared_ptr<AreaLightSource> area_light;
   ScopedMap<std::string> float_textures, spectrum_textures;  // name in the file -> unique name
   ScopedMap<std::shared_ptr<MaterialSource>> named_materials;
+  // pbrt-v4
+  ColorSpace color_space;
+  ScopedMap<ParamSet> attributes;  // by target
 };
 
 }  // namespace cloudrenderer
