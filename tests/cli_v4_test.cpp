@@ -94,6 +94,8 @@ const Pair kPairs[] = {
      "LightSource \"distant\" \"point from\" [1 -1 2] \"float illuminance\" 1.5 \"float scale\" 2"},
     {"an even map of equal areas", "LightSource \"infinite\" \"rgb L\" [1 1 1]",
      "LightSource \"infinite\" \"string filename\" \"white.ppm\""},
+    {"thin glass without an index is not there", "LightSource \"infinite\"\nMaterial \"none\"",
+     "LightSource \"infinite\"\nMaterial \"thindielectric\" \"float eta\" 1"},
     {"a lamp", "AreaLightSource \"diffuse\" \"rgb L\" [4 2 1] \"bool twosided\" true",
      "AreaLightSource \"diffuse\" \"rgb L\" [2 1 .5] \"float scale\" 2 \"bool twosided\" true"},
 };

@@ -43,7 +43,7 @@ constexpr LanguageRow kRows[] = {
     {"Material", "measured", kInV4, kMissing, "string filename, " DISPLACED, "grey matte"},
     {"Material", "mix", kInV4, kDone, "string materials, float amount", "weighted, not chosen by chance"},
     {"Material", "subsurface", kInV4, kMissing, "string name, spectrum sigma_a, spectrum sigma_s, spectrum reflectance, spectrum mfp, float scale, float eta, float g, " ROUGH ", " DISPLACED, "grey matte; with reflectance as kdsubsurface"},
-    {"Material", "thindielectric", kInV4, kNear, "spectrum eta, " DISPLACED, "uber with the reflectance of both sides"},
+    {"Material", "thindielectric", kInV4, kDone, "spectrum eta, " DISPLACED, ""},
 };
 #undef ROUGH
 #undef DISPLACED

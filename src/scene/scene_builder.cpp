@@ -17,7 +17,7 @@ bool contains(std::span<const std::string_view> words, std::string_view word) {
 // Every material that pbrt-v2 or pbrt-v3 knows.
 constexpr auto kMaterials = std::to_array<std::string_view>(
     {"matte", "plastic", "glass", "uber", "metal", "mirror", "substrate", "translucent", "mix",
-     "none", "", "coateddiffuse", "fourier", "measured", "shinymetal", "kdsubsurface", "subsurface", "disney",
+     "none", "", "coateddiffuse", "thindielectric", "fourier", "measured", "shinymetal", "kdsubsurface", "subsurface", "disney",
      "hair"});
 
 // Parameters that materials have and a shape may override. "filename" and "alpha" mean other things

@@ -66,18 +66,7 @@ void V4Translator::material(Entity& e) const {
     index(e, "eta", 1.5f);
     roughness(e, 0.f);
   } else if (e.type == "thindielectric") {
-    approximated(e, "uber with the reflectance of both sides");
     index(e, "eta", 1.5f);
-    const float eta = p.real("eta", 1.5f), root = (eta - 1) / (eta + 1), once = root * root;
-    // Light between the two sides: 2 R / (1 + R) is reflected in all, and an index that reflects
-    // as much at normal incidence stands for it at other angles.
-    const float all = 2 * once / (1 + once), side = std::sqrt(all);
-    e.type = "uber";
-    p.add(make_real("eta", (1 + side) / (1 - side), e.location));
-    p.add(make_rgb("Kd", Rgb(0.f), e.location));
-    p.add(make_rgb("Ks", Rgb(0.f), e.location));
-    p.add(make_rgb("opacity", Rgb(all), e.location));
-    p.add(make_rgb("Kr", Rgb(all > 0.f ? 1 / all : 0.f), e.location));
   } else if (e.type == "diffusetransmission") {
     e.type = "translucent";
     if (!p.has("reflectance")) p.add(make_rgb("reflectance", Rgb(0.25f), e.location));

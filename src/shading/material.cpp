@@ -21,6 +21,7 @@ constexpr std::array kKinds{
     MaterialKind{"translucent", make_translucent},
     MaterialKind{"mix", make_mix},
     MaterialKind{"coateddiffuse", make_coateddiffuse},
+    MaterialKind{"thindielectric", make_thindielectric},
     MaterialKind{"disney", make_disney},
     MaterialKind{"kdsubsurface", make_kdsubsurface},
     MaterialKind{"subsurface", make_grey},

@@ -37,8 +37,22 @@ class CoatedDiffuse final : public Material {
   Roughness roughness_;
 };
 
+class ThinDielectric final : public Material {
+ public:
+  explicit ThinDielectric(MaterialInputs& in) : eta_(in.params.real("eta", 1.5f)) {}
+  void add_lobes(const TexturePoint& at, LobeSink& out) const override {
+    out.add(bsdf::thin_dielectric(eta_(at)));
+  }
+
+ private:
+  TexturedFloat eta_;
+};
+
 }  // namespace
 
+std::unique_ptr<Material> make_thindielectric(MaterialInputs& in) {
+  return std::make_unique<ThinDielectric>(in);
+}
 std::unique_ptr<Material> make_coateddiffuse(MaterialInputs& in) {
   return std::make_unique<CoatedDiffuse>(in);
 }

@@ -72,6 +72,7 @@ std::unique_ptr<Material> make_uber(MaterialInputs&);
 std::unique_ptr<Material> make_substrate(MaterialInputs&);
 std::unique_ptr<Material> make_translucent(MaterialInputs&);
 std::unique_ptr<Material> make_coateddiffuse(MaterialInputs&);
+std::unique_ptr<Material> make_thindielectric(MaterialInputs&);
 std::unique_ptr<Material> make_measured(MaterialInputs&);
 std::unique_ptr<Material> make_mix(MaterialInputs&);
 std::unique_ptr<Material> make_disney(MaterialInputs&);        // approximated
