@@ -126,7 +126,7 @@ TEST(CommandLine, WrongUsageIsSaid) {
       {"render", "a", "--crop", "0,1,1,0"},
       {"render", "a", "--crop", "0,1"},
       {"render", "a", "--crop", "0,nan,0,1"},
-      {"render", "a", "--dialect", "v4"},
+      {"render", "a", "--dialect", "v5"},
       {"render", "a", "--max-error", "nan"},
       {"render", "a", "--log-level", "loud"},
       {"manager", "a"},

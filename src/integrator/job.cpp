@@ -36,6 +36,10 @@ bool is_same_transport(const std::string& type) {
 
 // `type` is the integrator as given.
 MediaTransport media_transport(const SceneDescription& scene, const std::string& type, Warnings& warnings) {
+  if (const auto& v = scene.volume_integrator) {
+    v->params.real("stepsize", 1.f);  // nothing is stepped through
+    v->params.report_unused("VolumeIntegrator \"" + v->type + "\"", warnings);
+  }
   if (scene.media.empty()) return MediaTransport::none;
   if (scene.dialect == Dialect::v2) {
     if (!scene.volume_integrator) return MediaTransport::emission;

@@ -5,8 +5,8 @@
 
 namespace cloudrenderer {
 
-// Tells pbrt-v2 from pbrt-v3 by the first directive (of the file and its includes) that only one of
-// them has. v2 when nothing decides. Never throws: what is wrong with a file, the parser says.
+// Tells pbrt-v2, v3 and v4 apart by words of the file and its includes that only some of them have.
+// The older one when nothing decides. Never throws: what is wrong with a file, the parser says.
 Dialect detect_dialect(const std::string& path);
 
 }  // namespace cloudrenderer

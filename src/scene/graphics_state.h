@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "scene/color_space.h"
 #include "scene/description.h"
 #include "scene/transforms.h"
 
@@ -51,6 +52,9 @@ struct GraphicsState {
   ScopedMap<std::string> float_textures, spectrum_textures;  // name in the file -> unique name
   ScopedMap<std::shared_ptr<MaterialSource>> named_materials;
   MediumId inside, outside;  // MediumInterface
+  // pbrt-v4
+  ColorSpace color_space;
+  ScopedMap<ParamSet> attributes;  // by target
 };
 
 }  // namespace cloudrenderer

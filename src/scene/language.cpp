@@ -100,7 +100,7 @@ std::string known_types(std::string_view directive, Dialect dialect) {
   return out;
 }
 
-std::string unused_message(std::string_view owner, std::string_view param) {
+std::string unused_message(std::string_view owner, std::string_view param, unsigned dialects) {
   const std::size_t space = owner.find(' ');
   const std::string_view directive = owner.substr(0, space);
   const std::string_view type = space == std::string_view::npos || owner.size() < space + 3
@@ -110,8 +110,10 @@ std::string unused_message(std::string_view owner, std::string_view param) {
   std::size_t nearest_distance = 3;  // more edits are another word
   for (const LanguageTable table : language_tables())
     for (const LanguageRow& row : table) {
-      if (row.directive != directive || row.type != type) continue;
+      if (row.directive != directive || row.type != type || (row.dialects & dialects) == 0)
+        continue;
       for (const LanguageParam& p : language_params(row)) {
+        if ((p.dialects & dialects) == 0) continue;
         if (p.name == param) {
           if (p.state == LanguageState::ignored || p.state == LanguageState::approximated)
             return {};
@@ -144,7 +146,11 @@ std::vector<LanguageUse::Line> LanguageUse::lines() const {
   for (const auto& [name, count] : directives_) {
     const LanguageRow* row = find_language(name, "", bit);
     if (!row) row = find_language(name, "");
-    if (row) out.push_back({name, count, row->state, std::string(row->note), {}});
+    const bool has_types = std::any_of(types_.begin(), types_.end(), [&, n = &name](const auto& t) {
+      return t.first.first == *n || (*n == "MakeNamedMaterial" && t.first.first == "Material");
+    });
+    if (row && !has_types)
+      out.push_back({name, count, row->state, std::string(row->note), {}});
   }
   for (const auto& [key, use] : types_) {
     const auto& [directive, type] = key;

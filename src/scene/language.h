@@ -56,7 +56,8 @@ std::string known_types(std::string_view directive, Dialect dialect);
 
 // What to say of a parameter that nothing here asked for, "" when it is to be ignored; `owner` is
 // e.g. `Shape "sphere"`.
-std::string unused_message(std::string_view owner, std::string_view param);
+std::string unused_message(std::string_view owner, std::string_view param,
+                           unsigned dialects = kInAll);
 
 // docs/language.md.
 std::string language_page();

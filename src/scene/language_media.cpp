@@ -4,19 +4,21 @@ namespace cloudrenderer {
 
 namespace {
 
+constexpr auto kDone = LanguageState::done;
+constexpr auto kNear = LanguageState::approximated;
 constexpr auto kMissing = LanguageState::missing;
 
 // clang-format off
 constexpr LanguageRow kRows[] = {
     {"MakeNamedMedium", "cloud", kInV4, kMissing, "spectrum sigma_a, spectrum sigma_s, float g, float density, float wispiness, float frequency, point3 p0, point3 p1", ""},
-    {"MakeNamedMedium", "heterogeneous", kInV3, kMissing, "string preset, spectrum sigma_a, spectrum sigma_s, float scale, float g, point p0, point p1, integer nx, integer ny, integer nz, float density", ""},
-    {"MakeNamedMedium", "homogeneous", kInV3 | kInV4, kMissing, "string preset, spectrum sigma_a, spectrum sigma_s, spectrum Le@v4, float Lescale@v4, float scale, float g", ""},
+    {"MakeNamedMedium", "heterogeneous", kInV3, kDone, "string preset, spectrum sigma_a, spectrum sigma_s, float scale, float g, point p0, point p1, integer nx, integer ny, integer nz, float density", ""},
+    {"MakeNamedMedium", "homogeneous", kInV3 | kInV4, kDone, "string preset, spectrum sigma_a, spectrum sigma_s, !spectrum Le@v4, !float Lescale@v4, float scale, float g", ""},
     {"MakeNamedMedium", "nanovdb", kInV4, kMissing, "string filename, spectrum sigma_a, spectrum sigma_s, float scale, float g, float Lescale, float temperatureoffset, float temperaturescale", ""},
     {"MakeNamedMedium", "rgbgrid", kInV4, kMissing, "rgb sigma_a, rgb sigma_s, rgb Le, float scale, float Lescale, float g, point3 p0, point3 p1, integer nx, integer ny, integer nz", ""},
-    {"MakeNamedMedium", "uniformgrid", kInV4, kMissing, "string preset, spectrum sigma_a, spectrum sigma_s, spectrum Le, float Lescale, float scale, float g, point3 p0, point3 p1, integer nx, integer ny, integer nz, float density, float temperature", ""},
-    {"Volume", "exponential", kInV2, kMissing, "spectrum sigma_a, spectrum sigma_s, float g, spectrum Le, point p0, point p1, float a, float b, vector updir", ""},
-    {"Volume", "homogeneous", kInV2, kMissing, "spectrum sigma_a, spectrum sigma_s, float g, spectrum Le, point p0, point p1", ""},
-    {"Volume", "volumegrid", kInV2, kMissing, "spectrum sigma_a, spectrum sigma_s, float g, spectrum Le, point p0, point p1, integer nx, integer ny, integer nz, float density", ""},
+    {"MakeNamedMedium", "uniformgrid", kInV4, kNear, "string preset, spectrum sigma_a, spectrum sigma_s, !spectrum Le, !float Lescale, float scale, float g, point3 p0, point3 p1, integer nx, integer ny, integer nz, float density, !float temperature", "it does not shine"},
+    {"Volume", "exponential", kInV2, kDone, "spectrum sigma_a, spectrum sigma_s, float g, spectrum Le, point p0, point p1, float a, float b, vector updir", ""},
+    {"Volume", "homogeneous", kInV2, kDone, "spectrum sigma_a, spectrum sigma_s, float g, spectrum Le, point p0, point p1", ""},
+    {"Volume", "volumegrid", kInV2, kDone, "spectrum sigma_a, spectrum sigma_s, float g, spectrum Le, point p0, point p1, integer nx, integer ny, integer nz, float density", ""},
 };
 // clang-format on
 

@@ -1,7 +1,10 @@
 #include "scene/param_reader.h"
 
 #include <array>
+#include <filesystem>
 #include <span>
+
+#include "scene/named_spectra.h"
 
 namespace cloudrenderer {
 
@@ -105,7 +108,10 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
   } else if (row.spelling == Spelling::spectrum) {
     p.reals = spectrum(lexer, p);
   } else {
-    p.reals = whole(reals(lexer, row.type != ParamType::real), row.components, p);
+    // v4's temperatures have no scale beside them.
+    const bool v4_blackbody = dialect_ == Dialect::v4 && row.spelling == Spelling::blackbody;
+    const std::size_t components = v4_blackbody ? 1 : row.components;
+    p.reals = whole(reals(lexer, row.type != ParamType::real), components, p);
     std::vector<Rgb> colors;
     const auto v = p.reals.view();
     if (row.spelling == Spelling::xyz)
@@ -113,9 +119,14 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
         colors.push_back(xyz_to_rgb(static_cast<double>(v[i]), static_cast<double>(v[i + 1]),
                                     static_cast<double>(v[i + 2])));
     if (row.spelling == Spelling::blackbody)
-      for (std::size_t i = 0; i < v.size(); i += 2)
-        colors.push_back(v[i + 1] * blackbody_to_rgb(static_cast<double>(v[i]), dialect_));
-    if (row.spelling != Spelling::plain) p.reals = from_colors(colors);
+      for (std::size_t i = 0; i < v.size(); i += components)
+        colors.push_back(from_blackbody(v.subspan(i, components)));
+    const bool converts =
+        dialect_ == Dialect::v4 && p.type == ParamType::rgb && row.spelling == Spelling::plain;
+    if (converts)
+      for (std::size_t i = 0; i < v.size(); i += 3)
+        colors.push_back(space_.to_working({v[i], v[i + 1], v[i + 2]}));
+    if (converts || row.spelling != Spelling::plain) p.reals = from_colors(colors);
   }
   return p;
 }
@@ -195,6 +206,34 @@ std::vector<std::string> ParamReader::strings(Lexer& lexer) {
   return out;
 }
 
+Rgb ParamReader::from_samples(SampledSpectrum samples) const {
+  if (dialect_ != Dialect::v4) return spectrum_to_rgb(std::move(samples), dialect_);
+  return use_ == SpectrumUse::light ? illuminant_to_rgb(std::move(samples))
+                                    : reflectance_to_rgb(std::move(samples));
+}
+
+Rgb ParamReader::from_blackbody(std::span<const float> v) const {
+  const Rgb c = blackbody_to_rgb(static_cast<double>(v[0]), dialect_);
+  if (dialect_ != Dialect::v4) return v[1] * c;
+  const float y = luminance(c);
+  return use_ == SpectrumUse::light && y > 0.f ? c / y : c;
+}
+
+Rgb ParamReader::spectrum_called(const std::string& name, Lexer& lexer, const Token& where) {
+  if (dialect_ == Dialect::v4)
+    if (const auto known = named_spectrum(name)) return *known;
+  const std::string path = paths_.find(name, *lexer.source().name());
+  auto known = spd_files_.find({use_, path});
+  if (known == spd_files_.end()) {
+    if (dialect_ == Dialect::v4 && !std::filesystem::exists(path))
+      throw SceneError(lexer.location(where), "there is no spectrum and no file '" + name +
+                                                  "'; known spectra are " + named_spectra());
+    const Rgb c = from_samples(read_spd(path, lexer.location(where)));
+    known = spd_files_.emplace(std::pair(use_, path), c).first;
+  }
+  return known->second;
+}
+
 BulkArray<float> ParamReader::spectrum(Lexer& lexer, const Param& p) {
   std::vector<Token> tokens;
   Token t = lexer.next();
@@ -217,13 +256,7 @@ BulkArray<float> ParamReader::spectrum(Lexer& lexer, const Param& p) {
       if (name.kind != Token::Kind::string)
         throw SceneError(lexer.location(name),
                          "expected the name of a .spd file, found " + Lexer::describe(name));
-      const std::string path = paths_.find(Lexer::unescape(name.text), *lexer.source().name());
-      auto known = spd_files_.find(path);
-      if (known == spd_files_.end())
-        known = spd_files_
-                    .emplace(path, spectrum_to_rgb(read_spd(path, lexer.location(name)), dialect_))
-                    .first;
-      colors.push_back(known->second);
+      colors.push_back(spectrum_called(Lexer::unescape(name.text), lexer, name));
     }
     return from_colors(colors);
   }
@@ -239,7 +272,7 @@ BulkArray<float> ParamReader::spectrum(Lexer& lexer, const Param& p) {
                                      "\" needs pairs of wavelength and value, or a .spd file");
   if (tokens.size() % 2 != 0)
     warnings_.add(p.location, "the last wavelength of \"" + p.name + "\" has no value: ignored");
-  return from_colors({spectrum_to_rgb(std::move(s), dialect_)});
+  return from_colors({from_samples(std::move(s))});
 }
 
 }  // namespace cloudrenderer

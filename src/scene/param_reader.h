@@ -1,9 +1,11 @@
 #pragma once
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "base/log.h"
+#include "scene/color_space.h"
 #include "scene/description.h"
 #include "scene/file_paths.h"
 #include "scene/lexer.h"
@@ -19,6 +21,11 @@ class ParamReader {
   ParamReader(Dialect dialect, const FilePaths& paths, Warnings& warnings)
       : dialect_(dialect), paths_(paths), warnings_(warnings) {}
 
+  // pbrt-v4: what the spectra that follow are of, and the colour space of RGB values.
+  enum class SpectrumUse { reflectance, light };
+  void set_use(SpectrumUse use) { use_ = use; }
+  void set_color_space(const ColorSpace& space) { space_ = space; }
+
   // `reads_files` is false for directives whose "filename" is written to (Film).
   ParamSet read(Lexer& lexer, bool reads_files = true);
 
@@ -28,13 +35,18 @@ class ParamReader {
   BulkArray<std::int32_t> integers(Lexer& lexer, const Param& p);
   BulkArray<std::int32_t> booleans(Lexer& lexer);
   std::vector<std::string> strings(Lexer& lexer);
+  Rgb from_samples(SampledSpectrum samples) const;
+  Rgb from_blackbody(std::span<const float> v) const;
+  Rgb spectrum_called(const std::string& name, Lexer& lexer, const Token& where);
   BulkArray<float> spectrum(Lexer& lexer, const Param& p);
   BulkArray<float> whole(BulkArray<float> values, std::size_t components, const Param& p);
 
   Dialect dialect_;
   const FilePaths& paths_;
   Warnings& warnings_;
-  std::map<std::string, Rgb> spd_files_;  // already read
+  SpectrumUse use_ = SpectrumUse::reflectance;
+  ColorSpace space_;
+  std::map<std::pair<SpectrumUse, std::string>, Rgb> spd_files_;  // already read
 };
 
 }  // namespace cloudrenderer

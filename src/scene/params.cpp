@@ -69,6 +69,22 @@ void ParamSet::add(Param p) {
     params_.push_back(std::move(p));
 }
 
+std::optional<Param> ParamSet::take(std::string_view name) {
+  const auto found =
+      std::find_if(params_.begin(), params_.end(), [&](const Param& p) { return p.name == name; });
+  if (found == params_.end()) return std::nullopt;
+  Param out = std::move(*found);
+  params_.erase(found);
+  return out;
+}
+
+void ParamSet::rename(std::string_view from, std::string_view to) {
+  if (auto p = take(from)) {
+    p->name = to;
+    add(std::move(*p));
+  }
+}
+
 const Param* ParamSet::find(std::string_view name) const {
   for (const Param& p : params_)
     if (p.name == name) return &p;

@@ -47,6 +47,9 @@ struct Param {
 class ParamSet {
  public:
   void add(Param p);  // a later parameter of the same name replaces the earlier one
+  // Takes a parameter out; for translations between dialects.
+  std::optional<Param> take(std::string_view name);
+  void rename(std::string_view from, std::string_view to);  // if it is there
   bool empty() const { return params_.empty(); }
   const std::vector<Param>& all() const { return params_; }
   const Param* find(std::string_view name) const;  // of any type, or null; does not mark it

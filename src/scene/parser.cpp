@@ -7,8 +7,6 @@
 namespace cloudrenderer {
 
 namespace {
-// Deeper nesting than any scene has; bounds what a broken file can make us hold.
-constexpr std::size_t kDeepestNesting = 20000;
 constexpr std::size_t kDeepestInclude = 100;
 }  // namespace
 
@@ -17,14 +15,17 @@ const std::map<std::string_view, Parser::Handler>& Parser::handlers() {
       {"Accelerator", &Parser::accelerator},
       {"ActiveTransform", &Parser::active_transform},
       {"AreaLightSource", &Parser::area_light_source},
+      {"Attribute", &Parser::attribute},
       {"AttributeBegin", &Parser::attribute_begin},
       {"AttributeEnd", &Parser::attribute_end},
       {"Camera", &Parser::camera},
+      {"ColorSpace", &Parser::color_space},
       {"ConcatTransform", &Parser::concat_transform},
       {"CoordSysTransform", &Parser::coord_sys_transform},
       {"CoordinateSystem", &Parser::coordinate_system},
       {"Film", &Parser::film},
       {"Identity", &Parser::identity},
+      {"Import", &Parser::import_file},
       {"Include", &Parser::include},
       {"Integrator", &Parser::integrator},
       {"LightSource", &Parser::light_source},
@@ -37,6 +38,7 @@ const std::map<std::string_view, Parser::Handler>& Parser::handlers() {
       {"ObjectBegin", &Parser::object_begin},
       {"ObjectEnd", &Parser::object_end},
       {"ObjectInstance", &Parser::object_instance},
+      {"Option", &Parser::option},
       {"PixelFilter", &Parser::pixel_filter},
       {"Renderer", &Parser::renderer},
       {"ReverseOrientation", &Parser::reverse_orientation},
@@ -67,12 +69,16 @@ std::vector<std::string> Parser::directives() {
 
 Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings,
                LanguageUse* use)
-    : paths_(path),
+    : dialect_(dialect),
+      paths_(path),
       sink_(sink),
       warnings_(warnings),
       use_(use),
       builder_(dialect, path, warnings),
-      params_(dialect, paths_, warnings) {
+      params_(dialect, paths_, warnings),
+      v4_([this](const FileLocation& where, const std::string& message) {
+        builder_.warn_once(where, message);
+      }) {
   open_file(path, {});
 }
 
@@ -82,11 +88,11 @@ SceneDescription Parser::parse() {
     if (t.kind == Token::Kind::end) {
       if (files_.size() == 1) {
         if (block_ == Block::options) throw SceneError(location(t), "the scene has no WorldBegin");
-        warnings_.add(location(t), "the file ends without WorldEnd");
+        if (!is_v4()) warnings_.add(location(t), "the file ends without WorldEnd");
         world_end(t);
         break;
       }
-      files_.pop_back();
+      close_file();
       continue;
     }
     const auto handler = t.kind == Token::Kind::word ? handlers().find(t.text) : handlers().end();
@@ -105,6 +111,19 @@ void Parser::open_file(const std::string& path, const FileLocation& named_at) {
   auto text = SourceText::open(path);
   if (!text) throw SceneError(named_at, text.error());
   files_.push_back({canonical_file(path), Lexer(*text)});
+}
+
+void Parser::close_file() {
+  if (files_.back().imported && !saved_states_.empty() && !saved_transforms_.empty()) {
+    const GraphicsState inner = std::move(state_);
+    state_ = std::move(saved_states_.back());
+    saved_states_.pop_back();
+    ctm_ = saved_transforms_.back().ctm;
+    active_ = saved_transforms_.back().active;
+    saved_transforms_.pop_back();
+    keep_names(inner);
+  }
+  files_.pop_back();
 }
 
 void Parser::include(const Token& t) {
@@ -167,7 +186,9 @@ void Parser::attribute_end(const Token& t) {
   if (!in_world(t)) return;
   if (saved_states_.empty() || saved_transforms_.empty())
     throw SceneError(location(t), std::string(t.text) + " without AttributeBegin");
+  const GraphicsState inner = std::move(state_);
   state_ = std::move(saved_states_.back());
+  if (is_v4()) keep_names(inner);
   saved_states_.pop_back();
   ctm_ = std::move(saved_transforms_.back().ctm);
   active_ = saved_transforms_.back().active;
@@ -275,8 +296,15 @@ Entity Parser::read_entity(const Token& directive, bool reads_files) {
   Entity e;
   e.location = location(directive);
   e.type = read_string("a type");
+  if (is_v4()) {
+    params_.set_color_space(state_.color_space);
+    params_.set_use(directive.text == "LightSource" || directive.text == "AreaLightSource"
+                        ? ParamReader::SpectrumUse::light
+                        : ParamReader::SpectrumUse::reflectance);
+  }
   e.params = params_.read(lexer(), reads_files);
   if (use_) count_use(directive.text, e);
+  if (is_v4()) complete_v4(directive.text, e);
   return e;
 }
 

@@ -12,6 +12,7 @@
 #include "scene/lexer.h"
 #include "scene/param_reader.h"
 #include "scene/scene_builder.h"
+#include "scene/translate_v4.h"
 
 namespace cloudrenderer {
 
@@ -31,6 +32,7 @@ class Parser {
 
   // parser.cpp: files, state and blocks
   void open_file(const std::string& path, const FileLocation& named_at);
+  void close_file();
   void include(const Token& t);
   void world_begin(const Token& t);
   void world_end(const Token& t);
@@ -63,6 +65,16 @@ class Parser {
   void medium_interface(const Token& t);
   void volume(const Token& t);
   void reverse_orientation(const Token& t);
+
+  // parser_v4.cpp: what only pbrt-v4 has
+  void attribute(const Token& t);
+  void color_space(const Token& t);
+  void import_file(const Token& t);
+  void option(const Token& t);
+  bool is_v4() const { return dialect_ == Dialect::v4; }
+  // Adds what `Attribute` says, and drops with a warning what v4 does not have.
+  void complete_v4(std::string_view directive, Entity& e);
+  void keep_names(const GraphicsState& inner);
 
   // parser_transforms.cpp
   void identity(const Token& t);
@@ -100,6 +112,7 @@ class Parser {
   struct OpenFile {
     std::string path;  // without links, to see an endless include
     Lexer lexer;
+    bool imported = false;  // the graphics state goes back at its end
   };
   // The current transformation matrix; a second one only where something moves.
   struct Ctm {
@@ -113,14 +126,19 @@ class Parser {
     Active active;
   };
 
+  Dialect dialect_;
   FilePaths paths_;
   SceneSink& sink_;
   Warnings& warnings_;
   LanguageUse* use_;
   SceneBuilder builder_;
   ParamReader params_;
+  V4Translator v4_;
+  std::map<const LanguageRow*, std::vector<LanguageParam>> v4_params_;
   std::vector<OpenFile> files_;
 
+  // Deeper nesting than any scene has; bounds what a broken file can make us hold.
+  static constexpr std::size_t kDeepestNesting = 20000;
   enum class Block { options, world, done };
   Block block_ = Block::options;
   Ctm ctm_;

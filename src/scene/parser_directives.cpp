@@ -13,6 +13,7 @@ Entity Parser::read_option(const Token& t, bool reads_files) {
 void Parser::camera(const Token& t) {
   CameraDesc camera;
   static_cast<Entity&>(camera) = read_option(t, true);
+  if (is_v4()) v4_.camera(camera);
   if (!in_options(t)) return;
   camera.world_to_camera = to_transform(ctm_.start);
   if (!camera.world_to_camera.is_invertible())
@@ -25,21 +26,25 @@ void Parser::camera(const Token& t) {
 
 void Parser::film(const Token& t) {
   Entity e = read_option(t, false);
+  if (is_v4()) v4_.film(e);
   if (in_options(t)) builder_.scene().film = std::move(e);
 }
 
 void Parser::sampler(const Token& t) {
   Entity e = read_option(t, true);
+  if (is_v4()) v4_.sampler(e);
   if (in_options(t)) builder_.scene().sampler = std::move(e);
 }
 
 void Parser::pixel_filter(const Token& t) {
   Entity e = read_option(t, true);
+  if (is_v4()) v4_.pixel_filter(e);
   if (in_options(t)) builder_.scene().filter = std::move(e);
 }
 
 void Parser::integrator(const Token& t) {
   Entity e = read_option(t, true);
+  if (is_v4()) v4_.integrator(e);
   if (in_options(t)) builder_.scene().integrator = std::move(e);
 }
 
@@ -62,12 +67,15 @@ void Parser::light_source(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
   stands_still(e.location, "light");
-  builder_.add_light(state_, std::move(e), ctm_.start);
+  DMat4 to_world = ctm_.start;
+  if (is_v4()) v4_.light(e, to_world);
+  builder_.add_light(state_, std::move(e), to_world);
 }
 
 void Parser::area_light_source(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
+  if (is_v4()) v4_.area_light(e);
   e.params = builder_.resolve_textures(state_, e, std::nullopt);
   state_.area_light = std::make_shared<AreaLightSource>();
   state_.area_light->entity = std::move(e);
@@ -76,6 +84,7 @@ void Parser::area_light_source(const Token& t) {
 void Parser::material(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
+  if (is_v4()) v4_.material(e);
   state_.material = builder_.make_material(state_, std::move(e), ctm_.start, false);
   state_.material_name.clear();
 }
@@ -86,11 +95,12 @@ void Parser::make_named_material(const Token& t) {
   const std::string name = e.type;
   if (!e.params.has("type"))
     warnings_.add(e.location, "MakeNamedMaterial without \"string type\": matte is used");
-  e.type = e.params.string("type", "matte");
+  e.type = e.params.string("type", is_v4() ? "diffuse" : "matte");
   ParamSet others;
   for (const Param& p : e.params.all())
     if (p.name != "type") others.add(p);
   e.params = std::move(others);
+  if (is_v4()) v4_.material(e);
   state_.named_materials.set(name, builder_.make_material(state_, std::move(e), ctm_.start, true));
 }
 
@@ -117,7 +127,9 @@ void Parser::texture(const Token& t) {
     throw SceneError(location(kind),
                      "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"");
   stands_still(e.location, "texture");
-  builder_.add_texture(state_, name, type == "float", std::move(e), ctm_.start);
+  DMat4 to_world = ctm_.start;
+  if (is_v4()) v4_.texture(e, to_world);
+  builder_.add_texture(state_, name, type == "float", std::move(e), to_world);
 }
 
 void Parser::shape(const Token& t) {

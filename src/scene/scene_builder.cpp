@@ -4,6 +4,8 @@
 #include <array>
 #include <span>
 
+#include "scene/param_make.h"
+
 namespace cloudrenderer {
 
 namespace {
@@ -18,7 +20,7 @@ bool contains(std::span<const std::string_view> words, std::string_view word) {
 // Every material that pbrt-v2 or pbrt-v3 knows.
 constexpr auto kMaterials = std::to_array<std::string_view>(
     {"matte", "plastic", "glass", "uber", "metal", "mirror", "substrate", "translucent", "mix",
-     "none", "", "fourier", "measured", "shinymetal", "kdsubsurface", "subsurface", "disney",
+     "none", "", "coateddiffuse", "thindielectric", "fourier", "measured", "shinymetal", "kdsubsurface", "subsurface", "disney",
      "hair"});
 
 // Parameters that materials have and a shape may override. "filename" and "alpha" mean other things
@@ -109,15 +111,22 @@ Entity entity_of(std::string type) {
 }  // namespace
 
 SceneBuilder::SceneBuilder(Dialect dialect, std::string source, Warnings& warnings)
-    : warnings_(warnings) {
+    : shapes_override_(dialect != Dialect::v4), warnings_(warnings) {
   const bool v2 = dialect == Dialect::v2;
-  scene_.dialect = dialect;
+  scene_.dialect = v2 ? Dialect::v2 : Dialect::v3;
   scene_.source = std::move(source);
   scene_.camera.type = "perspective";
   scene_.film = entity_of("image");
   scene_.sampler = entity_of(v2 ? "lowdiscrepancy" : "halton");
   scene_.filter = entity_of("box");
   scene_.integrator = entity_of(v2 ? "directlighting" : "path");
+  if (dialect == Dialect::v4) {
+    scene_.sampler = entity_of("sobol");
+    scene_.filter = entity_of("gaussian");
+    for (const char* radius : {"xwidth", "ywidth"})
+      scene_.filter.params.add(make_real(radius, 1.5f, {}));
+    scene_.integrator = entity_of("volpath");
+  }
   default_material_ = std::make_shared<MaterialSource>();
   default_material_->entity = entity_of("matte");
   default_material_->textures_resolved = !v2;
@@ -286,7 +295,7 @@ MaterialId SceneBuilder::material_of(const GraphicsState& state, const ShapeDesc
     }
   }
   // In v2 a named material is made where it is named, out of reach of the shape's parameters.
-  if (named && scene_.dialect == Dialect::v2) return intern(state, *source, {});
+  if (!shapes_override_ || (named && scene_.dialect == Dialect::v2)) return intern(state, *source, {});
 
   ParamSet overrides;
   for (const Param& p : shape.params.all()) {

@@ -44,6 +44,7 @@ class SceneBuilder {
   MaterialId intern(const GraphicsState& state, MaterialSource& source, const ParamSet& overrides);
 
   SceneDescription scene_;
+  bool shapes_override_;  // parameters of shapes stand for those of their materials, not so in v4
   Warnings& warnings_;
   std::set<std::string> warned_;
   std::set<std::string> texture_names_;                         // that are taken

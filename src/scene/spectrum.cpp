@@ -1,6 +1,7 @@
 #include "scene/spectrum.h"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 #include "base/portable_math.h"
@@ -38,6 +39,22 @@ double value_at(const SampledSpectrum& s, double wavelength) {
   return s.values[i - 1] * (1 - t) + s.values[i] * t;
 }
 
+// CIE standard illuminant D65 from 360 nm in steps of 10 nm (ISO 11664-2).
+constexpr double kD65Step = 10;
+constexpr std::array kD65{
+    46.6383, 52.0891, 49.9755, 54.6482, 82.7549, 91.4860, 93.4318, 86.6823, 104.865, 117.008,
+    117.812, 114.861, 115.923, 108.811, 109.354, 107.802, 104.790, 107.689, 104.405, 104.046,
+    100.000, 96.3342, 95.7880, 88.6856, 90.0062, 89.5991, 87.6987, 83.2886, 83.6992, 80.0268,
+    80.2146, 82.2778, 78.2842, 69.7213, 71.6091, 74.3490, 61.6040, 69.8856, 75.0870, 63.5927,
+    46.4182, 66.8054, 63.3828, 64.3040, 59.4519, 51.9590, 57.4406, 60.3125};
+
+double d65(double wavelength) {
+  const double at = (wavelength - kCieFirst) / kD65Step;
+  const std::size_t i = std::min(static_cast<std::size_t>(at), kD65.size() - 2);
+  const double t = at - static_cast<double>(i);
+  return kD65[i] * (1 - t) + kD65[i + 1] * t;
+}
+
 // Applies the observer to value(wavelength).
 template <class F>
 Rgb observe(F value, Dialect dialect) {
@@ -64,6 +81,19 @@ Rgb spectrum_to_rgb(SampledSpectrum spectrum, Dialect dialect) {
   if (spectrum.wavelengths.empty()) return Rgb(0.f);
   sort_by_wavelength(spectrum);
   return observe([&](double wavelength) { return value_at(spectrum, wavelength); }, dialect);
+}
+
+Rgb reflectance_to_rgb(SampledSpectrum spectrum) {
+  if (spectrum.wavelengths.empty()) return Rgb(0.f);
+  sort_by_wavelength(spectrum);
+  static const float white = luminance(observe(d65, Dialect::v2));
+  return observe([&](double w) { return value_at(spectrum, w) * d65(w); }, Dialect::v2) / white;
+}
+
+Rgb illuminant_to_rgb(SampledSpectrum spectrum) {
+  const Rgb c = spectrum_to_rgb(std::move(spectrum), Dialect::v2);
+  const float y = luminance(c);
+  return y > 0.f ? c / y : Rgb(0.f);
 }
 
 Rgb blackbody_to_rgb(double kelvin, Dialect dialect) {

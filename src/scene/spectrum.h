@@ -22,6 +22,11 @@ Rgb xyz_to_rgb(double x, double y, double z);
 // dialects differ by 471/470 in scale.
 Rgb spectrum_to_rgb(SampledSpectrum spectrum, Dialect dialect);
 
+// As pbrt-v4 sees them with its default film: a reflectance or an index in the light of D65, and a
+// light of luminance 1 whatever the values' scale.
+Rgb reflectance_to_rgb(SampledSpectrum spectrum);
+Rgb illuminant_to_rgb(SampledSpectrum spectrum);
+
 // Planck's law for a temperature in kelvin: in v2 1 at 555 nm, in v3 1 at its maximum. Black for
 // kelvin <= 0.
 Rgb blackbody_to_rgb(double kelvin, Dialect dialect);

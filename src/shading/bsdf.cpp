@@ -10,6 +10,14 @@
 namespace cloudrenderer {
 namespace {
 
+bool is_thin(const Lobe& l) { return l.kind == LobeKind::specular_dielectric && l.transmits; }
+
+// Light that goes to and fro between two sides which each reflect f: 2 f / (1 + f) comes back.
+float thin_reflectance(const Lobe& l, float c) {
+  const float f = bsdf::fresnel_dielectric(c, l.eta.x);
+  return 2.f * f / (1.f + f);
+}
+
 using namespace bsdf;  // NOLINT: the formulas of this file
 
 // The half vector of a reflection, on wo's side when wi is there too.
@@ -150,7 +158,8 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
       break;
   }
   if constexpr (std::is_same_v<F, float>) {
-    const float f = fresnel_dielectric(c, outside ? l.eta.x : l.eta.y);
+    const float f = is_thin(l) ? thin_reflectance(l, c)
+                               : fresnel_dielectric(c, outside ? l.eta.x : l.eta.y);
     switch (l.kind) {
       case LobeKind::measured:
       case LobeKind::fourier:
@@ -217,7 +226,7 @@ bool sample_specular(const Lobe& l, float chance, const Vec3& wo, float u, const
   if (reflects) {
     weight = l.scale * fresnel(l, c, wo.z > 0.f);
   } else {
-    const float f = fresnel_dielectric(c, incident_eta(l, wo));
+    const float f = is_thin(l) ? thin_reflectance(l, c) : fresnel_dielectric(c, incident_eta(l, wo));
     if (l.kind == LobeKind::specular_dielectric) {
       const float reflecting = reflect_chance(l, f);
       reflects = u < reflecting;
@@ -227,7 +236,9 @@ bool sample_specular(const Lobe& l, float chance, const Vec3& wo, float u, const
     }
   }
   Vec3 wi(-wo.x, -wo.y, wo.z);
-  if (!reflects) {
+  if (!reflects && is_thin(l)) {
+    wi = -wo;
+  } else if (!reflects) {
     const float eta = incident_eta(l, wo);
     if (!refract(wo, Vec3(0, 0, side), eta, wi)) return false;
     if (l.scale_radiance) weight *= 1.f / (eta * eta);

@@ -51,7 +51,8 @@ struct LobeOf {
   LobeKind kind;
   Distribution distribution;
   Fresnel fresnel;
-  bool transmits;       // lambert, oren_nayar, microfacet: scatters to the other side; fourier, hair: also
+  bool transmits;       // lambert, oren_nayar, microfacet: scatters to the other side; fourier, hair: also;
+                        // specular_dielectric: a thin sheet, straight through
   bool scale_radiance;  // refraction compresses radiance by (eta_i / eta_t)^2, as in pbrt-v3 and
                         // not in pbrt-v2
   Vec3Of<F> scale;      // reflectance (fresnel_blend: diffuse)

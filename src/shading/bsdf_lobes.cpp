@@ -165,6 +165,12 @@ Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float
   return l;
 }
 
+Lobe thin_dielectric(float eta) {
+  Lobe l = specular_dielectric(Rgb(1.f), Rgb(1.f), eta, false);
+  l.transmits = true;
+  return l;
+}
+
 void scale_lobe(Lobe& lobe, const Rgb& factor) {
   switch (lobe.kind) {
     case LobeKind::fresnel_blend:

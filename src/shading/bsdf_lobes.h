@@ -48,6 +48,8 @@ Lobe specular_reflection(const Rgb& scale, const FresnelTerm& f);
 Lobe specular_transmission(const Rgb& scale, float eta, bool scale_radiance);
 Lobe specular_dielectric(const Rgb& reflectance, const Rgb& transmittance, float eta,
                          bool scale_radiance);
+// A sheet of glass: what its two sides reflect between them in all, the rest straight through.
+Lobe thin_dielectric(float eta);
 
 // The lobe times a factor.
 void scale_lobe(Lobe& lobe, const Rgb& factor);

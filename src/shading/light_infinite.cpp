@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/portable_math.h"
+#include "shading/equal_area.h"
 #include "shading/light_map.h"
 
 namespace cloudrenderer {
@@ -32,7 +33,60 @@ InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool rea
     height_ = map.height;
     texels_ = std::move(map.texels);
   }
-  if (has_map()) prepare_sampling();
+  const float wanted = desc.params.real("illuminance", -1.f);
+  const bool square = desc.params.string("mapping", "") == "equalarea";
+  equal_area_ = square && width_ == height_;
+  if (square && !equal_area_)
+    warnings.add(desc.location, "the map is not square, so it cannot be one of pbrt-v4: it is taken "
+                                "for a latitude-longitude map");
+  if (!has_map()) return;
+  if (wanted > 0.f && equal_area_)
+    if (const double have = illuminance(); have > 0)
+      for (Rgb& texel : texels_) texel *= static_cast<float>(static_cast<double>(wanted) / have);
+  equal_area_ ? prepare_equal_area() : prepare_sampling();
+}
+
+Rgb InfiniteLight::nearest(const Vec2& uv) const {
+  const auto at = [](float x, int size) {
+    return static_cast<std::size_t>(
+        std::clamp(static_cast<int>(x * static_cast<float>(size)), 0, size - 1));
+  };
+  return texels_[at(uv.y, height_) * static_cast<std::size_t>(width_) + at(uv.x, width_)];
+}
+
+double InfiniteLight::illuminance() const {
+  double sum = 0;
+  for (int y = 0; y < height_; ++y)
+    for (int x = 0; x < width_; ++x) {
+      const Vec2 uv((static_cast<float>(x) + 0.5f) / static_cast<float>(width_),
+                    (static_cast<float>(y) + 0.5f) / static_cast<float>(height_));
+      const float z = equal_area_square_to_sphere(uv).z;
+      if (z > 0.f) sum += static_cast<double>(luminance(nearest(uv)) * z);
+    }
+  return sum * 2 * kPiDouble / (static_cast<double>(width_) * static_cast<double>(height_));
+}
+
+// Every texel has the same solid angle; cells of the table hold whole texels.
+void InfiniteLight::prepare_equal_area() {
+  const auto w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
+  const std::size_t columns = std::min(w, kMaxCells / 2), rows = std::min(h, kMaxCells / 2);
+  std::vector<double> sums(columns * rows);
+  glm::dvec3 total(0);
+  for (std::size_t y = 0; y < h; ++y)
+    for (std::size_t x = 0; x < w; ++x) {
+      const Rgb& texel = texels_[y * w + x];
+      total += glm::dvec3(texel);
+      // A texel that lies in two cells counts in both, or there would be light without a density.
+      const double l = static_cast<double>(luminance_of(texel));
+      const std::size_t r0 = y * rows / h, r1 = ((y + 1) * rows - 1) / h;
+      const std::size_t c0 = x * columns / w, c1 = ((x + 1) * columns - 1) / w;
+      for (std::size_t r = r0; r <= r1; ++r)
+        for (std::size_t c = c0; c <= c1; ++c) sums[r * columns + c] += l;
+    }
+  std::vector<float> cells(sums.begin(), sums.end());
+  mean_ = Rgb(total / static_cast<double>(w * h));
+  distribution_ = Distribution2D(cells, columns, rows);
+  cells_ = cells.size();
 }
 
 // The table's cells hold the map as it is looked up: a texel spreads over its neighbours by
@@ -88,18 +142,26 @@ InfiniteLight::MapPoint InfiniteLight::map_point(const Vec3& direction) const {
   const Vec3 local = to_light_ * direction;
   const float inverse = 1.f / glm::length(local);
   MapPoint m;
+  m.stretch = inverse * inverse * inverse * inverse_volume_;
+  if (equal_area_) {
+    m.uv = equal_area_sphere_to_square(local * inverse);
+    m.sine = 1.f;
+    return m;
+  }
   m.sine = std::sqrt(local.x * local.x + local.y * local.y);
   float phi = portable::atan2(local.y, local.x);
   if (phi < 0.f) phi += 2 * kPi;
   m.uv = {phi * (1.f / (2 * kPi)), portable::atan2(m.sine, local.z) * kInvPi};
   m.sine *= inverse;
-  m.stretch = inverse * inverse * inverse * inverse_volume_;
   return m;
 }
 
-Rgb InfiniteLight::lookup(const Vec2& uv) const { return bilinear(texels_, width_, height_, uv); }
+Rgb InfiniteLight::lookup(const Vec2& uv) const {
+  return equal_area_ ? nearest(uv) : bilinear(texels_, width_, height_, uv);
+}
 
 float InfiniteLight::map_pdf(const MapPoint& m) const {
+  if (equal_area_) return distribution_.pdf(m.uv) * m.stretch * (0.25f * kInvPi);
   if (!(m.sine > 1e-7f)) return 0.f;
   return distribution_.pdf(m.uv) * m.stretch / (2 * kPi * kPi * m.sine);
 }
@@ -123,6 +185,14 @@ bool InfiniteLight::sample(const Vec3& n, const Vec2& u, Vec3& direction, float&
     return pdf > 0.f;
   }
   const Vec2 uv = distribution_.sample(u, pdf);
+  if (equal_area_) {
+    const Vec3 world = to_world_ * equal_area_square_to_sphere(uv);
+    const float length = glm::length(world);
+    direction = world / length;
+    radiance = lookup(uv);
+    pdf *= length * length * length * inverse_volume_ * (0.25f * kInvPi);
+    return pdf > 0.f && pdf < kInfinity;
+  }
   float sin_theta, cos_theta, sin_phi, cos_phi;
   portable::sincos(uv.y * kPi, sin_theta, cos_theta);
   portable::sincos(uv.x * 2 * kPi, sin_phi, cos_phi);

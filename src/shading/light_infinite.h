@@ -9,7 +9,8 @@ namespace cloudrenderer {
 
 // LightSource "infinite": radiance from all directions, constant or from a latitude-longitude map
 // (z is up, u runs with the azimuth from x to y, v from +z down), bilinear and repeating as pbrt's
-// level 0. Private to the lights.
+// level 0, or from pbrt-v4's square map of equal areas, where the nearest texel counts. Private to the
+// lights.
 class InfiniteLight {
  public:
   // A map that cannot be read is a warning, and the light is constant, as in pbrt.
@@ -34,6 +35,9 @@ class InfiniteLight {
   };
   bool has_map() const { return !texels_.empty(); }
   void prepare_sampling();
+  void prepare_equal_area();
+  Rgb nearest(const Vec2& uv) const;
+  double illuminance() const;  // of an upward patch, as pbrt-v4 sums it up
   MapPoint map_point(const Vec3& direction) const;
   Rgb lookup(const Vec2& uv) const;
   float map_pdf(const MapPoint& m) const;
@@ -41,6 +45,7 @@ class InfiniteLight {
   glm::mat3 to_world_{1.f}, to_light_{1.f};
   float inverse_volume_ = 1;  // 1 / |det to_world_|
   Rgb constant_{1.f}, mean_{1.f};
+  bool equal_area_ = false;
   int width_ = 0, height_ = 0;
   std::vector<Rgb> texels_;
   Distribution2D distribution_;

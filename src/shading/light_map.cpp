@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/portable_math.h"
+#include "shading/equal_area.h"
 
 namespace cloudrenderer {
 
@@ -21,6 +22,8 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   const OIIO::ImageSpec& spec = input->spec();
   const auto channels = static_cast<std::size_t>(spec.nchannels);
   if (spec.width < 1 || spec.height < 1 || channels < 1) return give_up("it is empty");
+  map.width = spec.width;
+  map.height = spec.height;
   if (!read) return map;
   const auto count = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
   std::array<std::size_t, 3> source{};
@@ -31,8 +34,6 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   std::vector<float> values(count * channels);
   if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, values.data()))
     return give_up(input->geterror());
-  map.width = spec.width;
-  map.height = spec.height;
   map.texels.resize(count);
   std::size_t bad = 0;
   for (std::size_t p = 0; p < count; ++p) {
@@ -63,6 +64,7 @@ DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warn
       largest_ = glm::max(largest_, texel);
     }
   }
+  equal_area_ = desc.params.string("mapping", "") == "equalarea" && map_.width == map_.height;
   if (kind != Kind::projection) return;
   const float fov = desc.params.real("fov", 45.f);
   if (!(fov > 0.f && fov < 180.f))
@@ -77,6 +79,10 @@ Rgb DirectionalMap::factor(const Vec3& world_direction) const {
   const Vec3 d = world_to_light_ * world_direction;
   if (kind_ == Kind::goniometric) {
     if (map_.empty()) return Rgb(1.f);
+    if (equal_area_) {
+      const Vec2 uv = equal_area_sphere_to_square(glm::normalize(Vec3(d.x, d.z, d.y)));
+      return bilinear(map_.texels, map_.width, map_.height, uv);
+    }
     // y is up, and the azimuth runs from x to z.
     float azimuth = portable::atan2(d.z, d.x);
     if (azimuth < 0.f) azimuth += 2 * kPi;

@@ -57,6 +57,7 @@ class DirectionalMap {
 
  private:
   Kind kind_;
+  bool equal_area_ = false;  // goniometric: pbrt-v4's square map
   LightMap map_;  // empty: 1 everywhere
   glm::mat3 world_to_light_{1.f};
   Vec2 screen_{1.f};   // projection: half sizes of the rectangle

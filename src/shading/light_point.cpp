@@ -90,6 +90,7 @@ std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone)
   const Frame frame(direction);
   cone.world_to_light = glm::transpose(glm::mat3(frame.s, frame.t, frame.n)) *
                         glm::mat3(desc.light_to_world.inverse_matrix());
+  cone.smooth = desc.params.string("falloff", "") == "smoothstep";
   cone.cos_total = portable::cos(angle * (kPi / 180));
   cone.cos_start = portable::cos((angle - delta) * (kPi / 180));
 
@@ -106,9 +107,9 @@ bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSam
   const float cosine = local.z / glm::length(local);
   if (!(cosine >= cone.cos_total)) return false;
   float falloff = 1;
-  if (cosine <= cone.cos_start) {  // both versions of pbrt: the fourth power
+  if (cosine <= cone.cos_start) {  // pbrt-v2 and v3: the fourth power
     const float t = (cosine - cone.cos_total) / (cone.cos_start - cone.cos_total);
-    falloff = (t * t) * (t * t);
+    falloff = cone.smooth ? t * t * (3.f - 2.f * t) : (t * t) * (t * t);
   }
   out.radiance = e.radiance * (falloff * inverse_square);
   return falloff > 0.f;

@@ -41,6 +41,7 @@ struct SpotCone {
   glm::mat3 world_to_light{1.f};
   float cos_total = 0,
         cos_start = 0;  // no light outside of the first, all of it inside of the second
+  bool smooth = false;  // pbrt-v4's rim
 };
 
 struct EmissiveQuadric {

@@ -20,12 +20,20 @@ struct Emission {
   bool two_sided = false;
 };
 
+// What a light with a picture gives on average.
+Rgb mean_of(const LightMap& map) {
+  if (map.empty()) return Rgb(1.f);
+  glm::dvec3 sum(0);
+  for (const Rgb& texel : map.texels) sum += glm::dvec3(texel);
+  return Rgb(sum / static_cast<double>(map.texels.size()));
+}
+
 class SceneLights final : public Lights {
  public:
   SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
               const Part& part, Warnings& warnings, bool read_maps) {
     for (const LightDesc& desc : scene.lights) add_light(desc, warnings, read_maps);
-    add_emissions(scene, shape_lights, warnings);
+    add_emissions(scene, shape_lights, warnings, read_maps);
     add_shapes(part, scene.dialect);
     choice_ = LightChoice(bounds_);
     bounds_ = {};
@@ -291,12 +299,15 @@ class SceneLights final : public Lights {
   }
 
   void add_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
-                     Warnings& warnings) {
+                     Warnings& warnings, bool read_maps) {
     std::vector<Emission> sources;
     for (const Entity& desc : scene.area_lights) {
       Emission e;
       if (desc.type == "diffuse" || desc.type == "area") {
         e.radiance = desc.params.rgb("L", Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
+        if (const std::string path = desc.params.string("filename", ""); !path.empty())
+          e.radiance *= mean_of(read_light_map(path, Rgb(1.f), read_maps, desc.location,
+                                               "the light is even", warnings));
         if (!is_finite(e.radiance))
           throw SceneError{desc.location, "the light's radiance must be finite"};
         for (const char* name : {"nsamples", "samples"}) desc.params.integer(name, 1);

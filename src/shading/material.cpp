@@ -20,6 +20,8 @@ constexpr std::array kKinds{
     MaterialKind{"substrate", make_substrate, 1},
     MaterialKind{"translucent", make_translucent, 4},
     MaterialKind{"mix", make_mix, 0, false},
+    MaterialKind{"coateddiffuse", make_coateddiffuse, 2},
+    MaterialKind{"thindielectric", make_thindielectric, 1},
     MaterialKind{"disney", make_disney, 5},
     MaterialKind{"kdsubsurface", make_kdsubsurface, 2},
     MaterialKind{"subsurface", make_grey, 1},
@@ -55,7 +57,8 @@ Roughness::Roughness(MaterialInputs& in, const TexturedFloat& u, const TexturedF
     : u_(u),
       v_(v),
       dialect_(in.params.dialect()),
-      remap_(dialect_ == Dialect::v3 && in.params.params().boolean("remaproughness", true)),
+      root_(in.params.params().string("roughnessmap", "") == "sqrt"),
+      remap_(dialect_ == Dialect::v3 && !root_ && in.params.params().boolean("remaproughness", true)),
       isotropic_(u.texture == v.texture && (u.texture || u.constant == v.constant)) {
   in.tangents = in.tangents || !isotropic_;
 }
@@ -83,6 +86,10 @@ Roughness Roughness::two_axes(MaterialInputs& in, float otherwise) {
 bsdf::Microfacets Roughness::operator()(const TexturePoint& at) const {
   float u = u_(at), v = isotropic_ ? u : v_(at);
   if (dialect_ == Dialect::v2) return bsdf::blinn_anisotropic(u, v);
+  if (root_) {
+    u = std::sqrt(std::max(u, 0.f));
+    v = isotropic_ ? u : std::sqrt(std::max(v, 0.f));
+  }
   if (remap_) {
     u = bsdf::roughness_to_alpha(u);
     v = isotropic_ ? u : bsdf::roughness_to_alpha(v);

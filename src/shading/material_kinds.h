@@ -75,6 +75,8 @@ std::unique_ptr<Material> make_glass(MaterialInputs&);
 std::unique_ptr<Material> make_uber(MaterialInputs&);
 std::unique_ptr<Material> make_substrate(MaterialInputs&);
 std::unique_ptr<Material> make_translucent(MaterialInputs&);
+std::unique_ptr<Material> make_coateddiffuse(MaterialInputs&);
+std::unique_ptr<Material> make_thindielectric(MaterialInputs&);
 std::unique_ptr<Material> make_measured(MaterialInputs&);
 std::unique_ptr<Material> make_mix(MaterialInputs&);
 std::unique_ptr<Material> make_disney(MaterialInputs&);
@@ -105,6 +107,7 @@ class Roughness {
 
   TexturedFloat u_, v_;
   Dialect dialect_;
+  bool root_;  // pbrt-v4's map of a roughness to a width
   bool remap_, isotropic_;
 };
 

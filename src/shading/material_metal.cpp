@@ -15,9 +15,18 @@ class Metal final : public Material {
       : v2_(in.params.dialect() == Dialect::v2),
         eta_(in.params.rgb("eta", v2_ ? kCopperEta : kCopperEta * kV3)),
         k_(in.params.rgb("k", v2_ ? kCopperK : kCopperK * kV3)),
-        roughness_(Roughness::overridden(in, 0.01f, Roughness::V::keeps_roughness)) {}
+        roughness_(Roughness::overridden(in, 0.01f, Roughness::V::keeps_roughness)) {
+    if (in.params.params().has("reflectance"))
+      reflectance_ = in.params.rgb("reflectance", Rgb(0.5f));
+  }
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
-    const Rgb eta = positive(eta_(at)), k = positive(k_(at));
+    Rgb eta = positive(eta_(at)), k = positive(k_(at));
+    if (reflectance_) {
+      // pbrt-v4: the absorption that reflects so much at normal incidence with an index of 1.
+      const Rgb r = glm::clamp((*reflectance_)(at), 0.f, 0.9999f);
+      eta = Rgb(1.f);
+      k = 2.f * glm::sqrt(r) / glm::sqrt(1.f - r);
+    }
     out.add(bsdf::microfacet(Rgb(1.f), roughness_(at),
                              v2_ ? bsdf::conductor_v2(eta, k) : bsdf::conductor(eta, k)));
   }
@@ -25,6 +34,7 @@ class Metal final : public Material {
  private:
   bool v2_;
   TexturedRgb eta_, k_;
+  std::optional<TexturedRgb> reflectance_;
   Roughness roughness_;
 };
 

@@ -16,6 +16,7 @@ constexpr std::array kKinds{
     TextureKind{"imagemap", make_imagemap_texture<float>, make_imagemap_texture<Rgb>},
     TextureKind{"checkerboard", make_checkerboard_texture<float>, make_checkerboard_texture<Rgb>},
     TextureKind{"uv", make_uv_texture<float>, make_uv_texture<Rgb>},
+    TextureKind{"directionmix", make_directionmix_texture<float>, make_directionmix_texture<Rgb>},
     TextureKind{"dots", make_dots_texture<float>, make_dots_texture<Rgb>},
     TextureKind{"fbm", make_fbm_texture<float>, make_fbm_texture<Rgb>},
     TextureKind{"wrinkled", make_wrinkled_texture<float>, make_wrinkled_texture<Rgb>},
@@ -50,6 +51,21 @@ Built<T> store(MadeTexture<T> made) {
   return b;
 }
 
+// A float texture where a colour is asked for.
+class Grey final : public Texture<Rgb> {
+ public:
+  explicit Grey(const Texture<float>& texture) : texture_(texture) {}
+  Rgb eval(const TexturePoint& at) const override { return Rgb(texture_.eval(at)); }
+
+ private:
+  const Texture<float>& texture_;
+};
+
+Built<Rgb> grey(const TexturedFloat& real) {
+  if (!real.texture) return store<Rgb>(Rgb(real.constant));
+  return store<Rgb>(std::make_unique<Grey>(*real.texture));
+}
+
 void mark_references(const ParamSet& params,
                      const std::unordered_map<std::string_view, std::size_t>& index,
                      std::vector<bool>& used) {
@@ -63,7 +79,7 @@ void mark_references(const ParamSet& params,
 }  // namespace
 
 TexturePoint::TexturePoint(const SurfacePoint& point, const Footprint& footprint)
-    : p(point.p), uv(point.uv) {
+    : p(point.p), n(point.ng), uv(point.uv) {
   if (footprint.dpdx == Vec3(0.f) && footprint.dpdy == Vec3(0.f)) return;
   dpdx = footprint.dpdx;
   dpdy = footprint.dpdy;
@@ -95,7 +111,7 @@ struct TextureSet::State {
     const auto it = index.find(name);
     if (it == index.end()) return nullptr;
     const Entry& e = entries[it->second];
-    return e.built && e.is_float == is_float ? &e : nullptr;
+    return e.built && (e.is_float || !is_float) ? &e : nullptr;
   }
 
   ImageStore images;
@@ -138,7 +154,7 @@ TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warn
     State::Entry& e = s.entries[i];
     e.is_float = desc.is_float;
     if (desc.is_float)
-      e.real = store<float>(kind->make_float(inputs));
+      e.real = store<float>(kind->make_float(inputs)), e.rgb = grey(e.real.value);
     else
       e.rgb = store<Rgb>(kind->make_rgb(inputs));
     e.needs = params.needs();

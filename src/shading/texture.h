@@ -17,7 +17,7 @@ namespace cloudrenderer {
 
 // Where a texture is evaluated, with the footprint of a pixel.
 struct TexturePoint {
-  Vec3 p{};
+  Vec3 p{}, n{};
   Vec2 uv{};
   Vec3 dpdx{}, dpdy{};  // zero: no filtering
   Vec2 duvdx{}, duvdy{};
@@ -165,6 +165,8 @@ template <class T>
 MadeTexture<T> make_checkerboard_texture(TextureInputs&);
 template <class T>
 MadeTexture<T> make_uv_texture(TextureInputs&);
+template <class T>
+MadeTexture<T> make_directionmix_texture(TextureInputs&);
 template <class T>
 MadeTexture<T> make_dots_texture(TextureInputs&);
 template <class T>

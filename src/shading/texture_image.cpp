@@ -44,6 +44,11 @@ bool bring_near(Vec2& st, WrapMode wrap) {
 }  // namespace
 
 float ImageEncoding::decode(float x) const {
+  if (invert) {
+    ImageEncoding straight = *this;
+    straight.invert = false;
+    return std::max(0.f, 1.f - straight.decode(x));
+  }
   if (srgb)
     return scale * (x <= 0.04045f ? x / 12.92f : portable::pow((x + 0.055f) / 1.055f, 2.4f));
   const float v = scale * x;

@@ -24,6 +24,7 @@ struct ImageEncoding {
   float scale = 1, gamma = 1;
   bool srgb = false;       // decode sRGB, then scale; gamma is not used
   bool flip = false;       // the first row is at t = 1
+  bool invert = false;     // pbrt-v4: one minus the value
   bool luminance = false;  // one value a texel
   auto operator<=>(const ImageEncoding&) const = default;
 

@@ -1,3 +1,6 @@
+#include <charconv>
+
+#include "base/portable_math.h"
 #include "shading/texture_image.h"
 #include "shading/texture_mapping.h"
 
@@ -40,6 +43,23 @@ bool is_srgb_file(std::string_view path) {
          ends_with(path, ".jpeg");
 }
 
+// pbrt-v4's names.
+void read_encoding(const TextureInputs& in, const std::string& name, ImageEncoding& encoding) {
+  encoding.srgb = name == "sRGB" || name == "srgb";
+  if (encoding.srgb || name == "linear") return;
+  float gamma = 0;
+  if (name.starts_with("gamma "))
+    std::from_chars(name.data() + 6, name.data() + name.size(), gamma);
+  if (gamma > 0.f && gamma < 100.f) {
+    encoding.gamma = gamma;
+    if (encoding.scale > 0.f) encoding.scale = portable::pow(encoding.scale, 1.f / gamma);
+  } else {
+    in.params.warn("unknown encoding \"" + name +
+                   "\", expected sRGB, linear or \"gamma 2.2\"; using sRGB");
+    encoding.srgb = true;
+  }
+}
+
 }  // namespace
 
 template <class T>
@@ -52,6 +72,8 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   encoding.scale = p.real("scale", 1.f);
   if (in.params.dialect() == Dialect::v3) {
     encoding.srgb = p.boolean("gamma", is_srgb_file(path));
+    if (p.has("encoding")) read_encoding(in, p.string("encoding", "sRGB"), encoding);
+    encoding.invert = p.boolean("invert", false);
     encoding.flip = true;  // pbrt-v3 puts the lower left corner of the picture at (0,0), pbrt-v2
                            // the upper left one
   } else {
@@ -59,7 +81,7 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   }
   encoding.luminance = std::is_same_v<T, float>;
   ImageFilter filter;
-  filter.trilinear = p.boolean("trilinear", false);
+  filter.trilinear = p.boolean("trilinear", p.string("filter", "") == "trilinear");
   filter.max_anisotropy = std::clamp(p.real("maxanisotropy", 8.f), 1.f, 64.f);
   const std::string wrap = p.string("wrap", "repeat");
   if (wrap == "black")

@@ -273,9 +273,30 @@ Shape "loopsubdiv" "integer nlevels" 1 "integer indices" [0 1 2] "point P" [0 0 
 Include "/proc/self/fd/none.pbrt"
 )";
 
+constexpr const char* kSceneV4 = R"(Film "rgb" "integer pixelbounds" [0 4 0 4] "float iso" 50
+Option "bool disablepixeljitter" true
+ColorSpace "rec2020"
+WorldBegin
+Attribute "shape" "float radius" 2
+Attribute "light" "float scale" 2
+AttributeBegin
+Texture "t" "float" "directionmix" "vector dir" [0 1 0] "float tex1" 1
+MakeNamedMaterial "a" "string type" "coateddiffuse" "rgb reflectance" [.1 .2 .3]
+MakeNamedMaterial "b" "string type" [ "conductor" ] "spectrum eta" "metal-Au-eta" "texture roughness" "t"
+Material "mix" "string materials" ["a" "b"] "float amount" .5
+LightSource "spot" "blackbody I" 4500 "float power" 100
+LightSource "infinite" "spectrum L" "stdillum-D65" "float illuminance" 5 "point3 portal" [0 0 0]
+AreaLightSource "diffuse" "spectrum L" [400 1 700 2] "bool twosided" true
+Shape "sphere"
+AttributeEnd
+NamedMaterial "b"
+Import "none.pbrt"
+)";
+
 void add_text(Corpus& corpus) {
   corpus.add("scene", "all", kScene);
   corpus.add("scene", "v3", kSceneV3);
+  corpus.add("scene", "v4", kSceneV4);
   corpus.add("scene", "nested",
              "WorldBegin " + std::string(200, '[') + " ObjectBegin \"a\" ObjectBegin \"b\"");
   corpus.add("lexer", "all", kScene);

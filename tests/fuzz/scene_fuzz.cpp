@@ -1,4 +1,4 @@
-// Scene text through the parser, in both dialects.
+// Scene text through the parser, in every dialect.
 #include "fuzz/fuzz.h"
 #include "scene/scene_codec.h"
 
@@ -36,5 +36,6 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const fuzz::MemoryFile file(fuzz::input(data, size));
   parse(file.path(), Dialect::v2);
   parse(file.path(), Dialect::v3);
+  parse(file.path(), Dialect::v4);
   return 0;
 }

@@ -1,0 +1,22 @@
+#pragma once
+#include <optional>
+#include <string_view>
+
+#include "cloudrenderer/math.h"
+
+namespace cloudrenderer {
+
+// Linear RGB of one of pbrt-v4's colour spaces as linear RGB with Rec. 709 primaries.
+class ColorSpace {
+ public:
+  ColorSpace() = default;  // srgb
+  static std::optional<ColorSpace> find(std::string_view name);
+
+  Rgb to_working(const Rgb& c) const;
+
+ private:
+  bool is_working_ = true;
+  glm::dmat3 to_xyz_{1.0};
+};
+
+}  // namespace cloudrenderer

@@ -1,0 +1,137 @@
+// Materials and textures of pbrt-v4.
+#include <string>
+
+#include "scene/named_spectra.h"
+#include "scene/param_make.h"
+#include "scene/translate_v4.h"
+
+namespace cloudrenderer {
+
+void V4Translator::approximated(const Entity& e, const std::string& as) const {
+  warn_(e.location, "\"" + e.type + "\" is approximated: " + as);
+}
+
+void V4Translator::roughness(Entity& e, float otherwise) const {
+  Param both = make_real("roughness", otherwise, e.location);
+  if (auto given = e.params.take("roughness")) both = std::move(*given);
+  for (const char* axis : {"uroughness", "vroughness"}) {
+    if (e.params.has(axis)) continue;
+    Param p = both;
+    p.name = axis;
+    e.params.add(std::move(p));
+  }
+  const bool remaps = e.params.boolean("remaproughness", true);
+  e.params.take("remaproughness");
+  if (remaps)
+    e.params.add(make_string("roughnessmap", "sqrt", e.location));
+  else
+    e.params.add(make_bool("remaproughness", false, e.location));
+}
+
+// A spectrum of indices becomes one index.
+void V4Translator::index(Entity& e, const char* name, float otherwise) const {
+  auto given = e.params.take(name);
+  if (!given) {
+    e.params.add(make_real("eta", otherwise, e.location));
+    return;
+  }
+  if (given->type == ParamType::rgb && given->reals.size() == 3)
+    given = make_real("eta", given->reals[1], given->location);
+  given->name = "eta";
+  e.params.add(std::move(*given));
+}
+
+void V4Translator::conductor(Entity& e) const {
+  e.type = "metal";
+  if (!e.params.has("reflectance"))
+    for (const char* name : {"eta", "k"})
+      if (!e.params.has(name))
+        e.params.add(make_rgb(
+            name, named_spectrum("metal-Cu-" + std::string(name)).value_or(Rgb(1.f)), e.location));
+  roughness(e, 0.f);
+}
+
+void V4Translator::material(Entity& e) const {
+  ParamSet& p = e.params;
+  p.rename("displacement", "bumpmap");
+  if (e.type == "interface" || e.type == "none" || e.type.empty()) {
+    e.type = "none";
+  } else if (e.type == "diffuse") {
+    e.type = "matte";
+    p.rename("reflectance", "Kd");
+  } else if (e.type == "conductor") {
+    conductor(e);
+  } else if (e.type == "dielectric") {
+    e.type = "glass";
+    index(e, "eta", 1.5f);
+    roughness(e, 0.f);
+  } else if (e.type == "thindielectric") {
+    index(e, "eta", 1.5f);
+  } else if (e.type == "diffusetransmission") {
+    e.type = "translucent";
+    if (!p.has("reflectance")) p.add(make_rgb("reflectance", Rgb(0.25f), e.location));
+    if (!p.has("transmittance")) p.add(make_rgb("transmittance", Rgb(0.25f), e.location));
+    p.rename("reflectance", "reflect");
+    p.rename("transmittance", "transmit");
+    p.add(make_rgb("Kd", Rgb(p.real("scale", 1.f)), e.location));
+    p.add(make_rgb("Ks", Rgb(0.f), e.location));
+    p.take("scale");
+  } else if (e.type == "coateddiffuse") {
+    approximated(e, "a dielectric coat over diffuse, the light between them summed up");
+    for (const char* name : {"thickness", "g", "albedo", "maxdepth", "nsamples"}) p.take(name);
+    index(e, "eta", 1.5f);
+    roughness(e, 0.f);
+  } else if (e.type == "coatedconductor") {
+    approximated(e, "the conductor without its coat");
+    for (const char* name : {"thickness", "g", "albedo", "maxdepth", "nsamples", "interface.eta",
+                             "interface.roughness", "interface.uroughness",
+                             "interface.vroughness"})
+      p.take(name);
+    for (const char* name : {"eta", "k", "roughness", "uroughness", "vroughness"})
+      p.rename("conductor." + std::string(name), name);
+    conductor(e);
+  } else if (e.type == "hair") {
+    p.rename("reflectance", "color");
+  } else if (e.type == "measured") {
+    warn_(e.location, "measured materials of pbrt-v4 are not supported: grey matte is used");
+    p.take("filename");
+    e.type = "matte";
+  } else if (e.type == "subsurface") {
+    if (p.has("reflectance")) {
+      e.type = "kdsubsurface";
+      p.rename("reflectance", "Kd");
+    }
+    roughness(e, 0.f);
+    p.take("roughnessmap");
+  } else if (e.type == "mix") {
+    // v4's amount is the share of the second one.
+    auto names = p.take("materials");
+    if (!names || names->type != ParamType::string || names->strings.size() != 2)
+      throw SceneError(e.location, "mix needs \"string materials\" with two names");
+    p.add(make_string("namedmaterial1", names->strings[1], names->location));
+    p.add(make_string("namedmaterial2", names->strings[0], names->location));
+  }
+}
+
+void V4Translator::texture(Entity& e, DMat4& ctm) const {
+  ParamSet& p = e.params;
+  if (e.type == "fbm" || e.type == "windy" || e.type == "wrinkled" || e.type == "marble" ||
+      (e.type == "checkerboard" && p.integer("dimension", 2) == 3)) {
+    // v3 applies the transformation to the point, v4 its inverse.
+    if (const DMat4 inverse = glm::inverse(ctm); std::isfinite(inverse[0][0])) ctm = inverse;
+  } else if (p.string("mapping", "uv") == "planar") {
+    // v3 takes the point in the world.
+    const DMat4 inverse = glm::inverse(ctm);
+    if (!std::isfinite(inverse[0][0])) return;
+    const auto axis = [&](const char* name, const char* delta, const Vec3& otherwise) {
+      const glm::dvec4 v(DVec3(p.vector3(name, otherwise)), 0.0);
+      const glm::dvec4 moved = glm::transpose(inverse) * v;
+      p.add(make_vector(name, Vec3(moved), e.location));
+      p.add(make_real(delta, p.real(delta, 0.f) + static_cast<float>(moved.w), e.location));
+    };
+    axis("v1", "udelta", {1, 0, 0});
+    axis("v2", "vdelta", {0, 1, 0});
+  }
+}
+
+}  // namespace cloudrenderer

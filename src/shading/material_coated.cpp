@@ -1,0 +1,60 @@
+#include "shading/material_kinds.h"
+
+namespace cloudrenderer {
+namespace {
+
+// Share of diffuse light that the inside of a smooth dielectric's surface reflects (Egan and Hilgeman
+// 1973, a fit for indices up to 2.2).
+float internal_reflectance(float eta) {
+  const float inverse = 1.f / eta;
+  return std::clamp((-1.4399f * inverse + 0.7099f) * inverse + 0.6681f + 0.0636f * eta, 0.f, 1.f);
+}
+
+// pbrt-v4's coated diffuse surface: a dielectric coat over a diffuse base. v4 walks through the
+// layers; here the light between them is a geometric series of diffuse light (Saunderson 1942), and
+// absorption in the coat is left out.
+class CoatedDiffuse final : public Material {
+ public:
+  explicit CoatedDiffuse(MaterialInputs& in)
+      : reflectance_(in.params.rgb("reflectance", Rgb(0.5f))),
+        eta_(in.params.real("eta", 1.5f)),
+        roughness_(Roughness::two_axes(in, 0.f)) {}
+  void add_lobes(const TexturePoint& at, LobeSink& out) const override {
+    const Rgb base = glm::clamp(reflectance_(at), 0.f, 1.f);
+    const float eta = std::clamp(eta_(at), 1.f, 2.2f), internal = internal_reflectance(eta);
+    const float leaves = 1.f - internal, enters = std::min(leaves * eta * eta, 1.f);  // reciprocity
+    const Rgb diffuse = enters * leaves * base / (1.f - base * internal);
+    if (!is_black(diffuse)) out.add(bsdf::lambert(diffuse));
+    if (roughness_.smooth(at))
+      out.add(bsdf::specular_reflection(Rgb(1.f), bsdf::dielectric(eta)));
+    else
+      out.add(bsdf::microfacet(Rgb(1.f), roughness_(at), bsdf::dielectric(eta)));
+  }
+
+ private:
+  TexturedRgb reflectance_;
+  TexturedFloat eta_;
+  Roughness roughness_;
+};
+
+class ThinDielectric final : public Material {
+ public:
+  explicit ThinDielectric(MaterialInputs& in) : eta_(in.params.real("eta", 1.5f)) {}
+  void add_lobes(const TexturePoint& at, LobeSink& out) const override {
+    out.add(bsdf::thin_dielectric(eta_(at)));
+  }
+
+ private:
+  TexturedFloat eta_;
+};
+
+}  // namespace
+
+std::unique_ptr<Material> make_thindielectric(MaterialInputs& in) {
+  return std::make_unique<ThinDielectric>(in);
+}
+std::unique_ptr<Material> make_coateddiffuse(MaterialInputs& in) {
+  return std::make_unique<CoatedDiffuse>(in);
+}
+
+}  // namespace cloudrenderer
