@@ -144,6 +144,23 @@ TEST(Materials, V2PlasticHasTheValueOfTheBook) {
   }
 }
 
+TEST(Materials, AWhiteSurfaceUnderASmoothCoatReflectsAllThatArrives) {
+  const Built b({material("coateddiffuse", {rgb_param("reflectance", Rgb(1.f))})}, Dialect::v3);
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> u(0.f, 1.f);
+  for (const float cosine : {1.f, 0.7f, 0.4f, 0.15f}) {
+    const Vec3 wo(std::sqrt(1.f - cosine * cosine), 0, cosine);
+    const Bsdf bsdf = b.at(plane(), wo);
+    double sum = 0;
+    constexpr int kSamples = 40000;
+    for (int i = 0; i < kSamples; ++i) {
+      BsdfSample s;
+      if (bsdf.sample(wo, u(random), {u(random), u(random)}, s)) sum += static_cast<double>(s.weight.y);
+    }
+    EXPECT_NEAR(sum / kSamples, 1, 0.012) << "cosine " << cosine << ", seed 11";  // the inside's reflectance is a fit
+  }
+}
+
 TEST(Materials, NoneIsTheNullMaterialAndNoMaterialIsBlack) {
   const Built none({material("none")}, Dialect::v3), empty({material("")}, Dialect::v3),
       matte({material("matte")});

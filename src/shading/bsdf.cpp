@@ -18,6 +18,9 @@ float thin_reflectance(const Lobe& l, float c) {
   return 2.f * f / (1.f + f);
 }
 
+// What a coat lets through, the same on both sides of the surface.
+float coat_transmittance(const Lobe& l, float c) { return 1.f - bsdf::fresnel_dielectric(c, l.eta.x); }
+
 using namespace bsdf;  // NOLINT: the formulas of this file
 
 // The half vector of a reflection, on wo's side when wi is there too.
@@ -168,6 +171,8 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
         return luminance(l.scale);
       case LobeKind::disney_clearcoat:
         return luminance(l.scale) * clearcoat_albedo(c);
+      case LobeKind::coated_lambert:
+        return luminance(l.scale) * coat_transmittance(l, c);
       case LobeKind::microfacet_dielectric:
       case LobeKind::specular_dielectric:
         return luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
@@ -191,7 +196,8 @@ MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const
     if (l.kind == LobeKind::disney_clearcoat) return sample_clearcoat(l, wo, u2, wi);
   }
   const F side = lanes::select(wo.z > 0.f, F(1.f), F(-1.f));
-  MaskOf<F> diffuse{l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar || l.kind == LobeKind::disney_diffuse};
+  MaskOf<F> diffuse{l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar || l.kind == LobeKind::disney_diffuse ||
+                    l.kind == LobeKind::coated_lambert};
   if (l.kind == LobeKind::fresnel_blend) diffuse = u >= mix;
   if (lanes::any(diffuse)) {
     wi = sample_cosine(u2);
@@ -342,6 +348,11 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
         break;
       case LobeKind::disney_diffuse:
         add(counts, disney_diffuse_value(l, wo, wi, half), sampled, chance.weight * ci * kInvPi);
+        break;
+      case LobeKind::coated_lambert:
+        if constexpr (std::is_same_v<F, float>)
+          add(counts, l.scale * (coat_transmittance(l, co) * coat_transmittance(l, ci) * kInvPi), sampled,
+              chance.weight * ci * kInvPi);
         break;
       case LobeKind::measured:
       case LobeKind::fourier:

@@ -21,6 +21,7 @@ enum class LobeKind : std::uint8_t {
   fresnel_blend,          // Ashikhmin and Shirley 2000: diffuse under a glossy coat
   disney_diffuse,         // Burley 2012 and 2015, all that is sampled by the cosine: see bsdf_disney.h
   disney_clearcoat,
+  coated_lambert,         // diffuse under a smooth dielectric: what gets in, and out again
   measured,               // a table of reflectances
   fourier,                // a table of both sides
   hair,                   // Chiang et al. 2016: see bsdf_hair.h

@@ -56,6 +56,12 @@ Lobe lambert(const Rgb& reflectance, bool transmits) {
   return l;
 }
 
+Lobe coated_lambert(const Rgb& scale, float eta) {
+  Lobe l = make(LobeKind::coated_lambert, scale);
+  l.eta = index_pair(eta);
+  return l;
+}
+
 Lobe oren_nayar(const Rgb& reflectance, float sigma) {
   const float s = std::clamp(sigma, 0.f, 90.f) * (kPi / 180.f), s2 = s * s;
   if (!(s2 > 0.f)) return lambert(reflectance);

@@ -11,8 +11,8 @@ float internal_reflectance(float eta) {
 }
 
 // pbrt-v4's coated diffuse surface: a dielectric coat over a diffuse base. v4 walks through the
-// layers; here the light between them is a geometric series of diffuse light (Saunderson 1942), and
-// absorption in the coat is left out.
+// layers; here the light between them is a geometric series of diffuse light (Saunderson 1942), which is
+// exact for a smooth and thin coat; absorption in the coat is left out.
 class CoatedDiffuse final : public Material {
  public:
   explicit CoatedDiffuse(MaterialInputs& in)
@@ -22,13 +22,13 @@ class CoatedDiffuse final : public Material {
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const Rgb base = glm::clamp(reflectance_(at), 0.f, 1.f);
     const float eta = std::clamp(eta_(at), 1.f, 2.2f), internal = internal_reflectance(eta);
-    const float leaves = 1.f - internal, enters = std::min(leaves * eta * eta, 1.f);  // reciprocity
-    const Rgb diffuse = enters * leaves * base / (1.f - base * internal);
-    if (!is_black(diffuse)) out.add(bsdf::lambert(diffuse));
+    // Refraction spreads what enters over the whole hemisphere: eta^2 (Mitsuba 0.5's "plastic" has the same form).
+    const Rgb diffuse = base / (eta * eta * (1.f - base * internal));
+    if (!is_black(diffuse)) out.add(bsdf::coated_lambert(diffuse, eta));
     if (roughness_.smooth(at))
-      out.add(bsdf::specular_reflection(Rgb(1.f), bsdf::dielectric(eta)));
+      out.add(bsdf::specular_reflection(Rgb(1.f), bsdf::dielectric_one_sided(eta)));
     else
-      out.add(bsdf::microfacet(Rgb(1.f), roughness_(at), bsdf::dielectric(eta)));
+      out.add(bsdf::microfacet(Rgb(1.f), roughness_(at), bsdf::dielectric_one_sided(eta)));
   }
 
  private:
