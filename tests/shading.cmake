@@ -8,5 +8,5 @@ cloudrenderer_test(shading_tests LABEL unit
           ${CMAKE_CURRENT_LIST_DIR}/shading_fourier_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_map_test.cpp ${CMAKE_CURRENT_LIST_DIR}/shading_bsdf_random_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_fourier_test.cpp ${CMAKE_CURRENT_LIST_DIR}/shading_hair_test.cpp
-          ${CMAKE_CURRENT_LIST_DIR}/shading_material_params_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/shading_material_params_test.cpp ${CMAKE_CURRENT_LIST_DIR}/shading_subsurface_test.cpp
   LINK cr_shading)

@@ -12,11 +12,11 @@ constexpr unsigned kV23 = kInV2 | kInV3;
 // clang-format off
 constexpr LanguageRow kRows[] = {
     // pbrt-v2 and v3
-    {"Material", "disney", kInV3, kNear, "spectrum color, float metallic, float roughness, float eta, float spectrans, ~float anisotropic, ~float speculartint, ~float sheen, ~float sheentint, ~float clearcoat, ~float clearcoatgloss, ~spectrum scatterdistance, ~bool thin, ~spectrum flatness, ~spectrum difftrans, float bumpmap", "metal, glass and a dielectric coat over diffuse"},
+    {"Material", "disney", kInV3, kDone, "spectrum color, float metallic, float roughness, float eta, float spectrans, float anisotropic, float speculartint, float sheen, float sheentint, float clearcoat, float clearcoatgloss, spectrum scatterdistance, bool thin, float flatness, float difftrans, float bumpmap", ""},
     {"Material", "fourier", kInV3, kMissing, "string bsdffile, float bumpmap", "grey matte"},
     {"Material", "glass", kV23, kDone, "spectrum Kr, spectrum Kt, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float index, float eta@v3, float bumpmap", ""},
     {"Material", "hair", kInV3, kMissing, "spectrum sigma_a, spectrum color, float eumelanin, float pheomelanin, float eta, float beta_m, float beta_n, float alpha", "grey matte"},
-    {"Material", "kdsubsurface", kV23, kNear, "spectrum Kd, ~float meanfreepath@v2, ~spectrum mfp@v3, float index@v2, ~float eta@v3, spectrum Kr, ~spectrum Kt@v3, ~float roughness@v3, ~float uroughness@v3, ~float vroughness@v3, ~bool remaproughness@v3, ~float scale@v3, ~float g@v3, float bumpmap", "diffuse below a smooth coat"},
+    {"Material", "kdsubsurface", kV23, kDone, "spectrum Kd, float meanfreepath@v2, spectrum mfp@v3, float index@v2, float eta@v3, spectrum Kr, spectrum Kt@v3, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float scale@v3, float g@v3, float bumpmap", "a random walk through the medium inside"},
     {"Material", "matte", kV23, kDone, "spectrum Kd, float sigma, float bumpmap", ""},
     {"Material", "measured", kInV2, kDone, "string filename, float bumpmap", "MERL tables and .brdf files"},
     {"Material", "metal", kV23, kDone, "spectrum eta, spectrum k, float roughness, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float bumpmap", ""},
@@ -26,7 +26,7 @@ constexpr LanguageRow kRows[] = {
     {"Material", "plastic", kV23, kDone, "spectrum Kd, spectrum Ks, float roughness, bool remaproughness@v3, float bumpmap", ""},
     {"Material", "shinymetal", kInV2, kDone, "spectrum Ks, spectrum Kr, float roughness, float bumpmap", ""},
     {"Material", "substrate", kV23, kDone, "spectrum Kd, spectrum Ks, float uroughness, float vroughness, bool remaproughness@v3, float bumpmap", ""},
-    {"Material", "subsurface", kV23, kMissing, "string name, spectrum sigma_a, spectrum sigma_prime_s, spectrum sigma_s@v3, float scale, float index@v2, float eta@v3, float g@v3, spectrum Kr, spectrum Kt@v3, float roughness@v3, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float bumpmap", "grey matte"},
+    {"Material", "subsurface", kV23, kDone, "string name, spectrum sigma_a, spectrum sigma_prime_s@v2, spectrum sigma_s@v3, float scale, float index@v2, float eta@v3, float g@v3, spectrum Kr, spectrum Kt@v3, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float bumpmap", "a random walk through the medium inside"},
     {"Material", "translucent", kV23, kDone, "spectrum Kd, spectrum Ks, spectrum reflect, spectrum transmit, float roughness, bool remaproughness@v3, float bumpmap", ""},
     {"Material", "uber", kV23, kDone, "spectrum Kd, spectrum Ks, spectrum Kr, spectrum Kt, spectrum opacity, float roughness, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float index, float eta@v3, float bumpmap", ""},
 };
