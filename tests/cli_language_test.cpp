@@ -63,7 +63,7 @@ std::string value_of(const LanguageRow& row, const LanguageParam& p) {
 
 // Parameters that another one hides, which must be absent for them to count.
 const std::map<std::string, std::string, std::less<>> kHiddenBy{
-    {"st", "uv"}, {"Pw", "P"}, {"eta", "reflectance"}, {"k", "reflectance"}, {"cropwindow", "pixelbounds"}, {"index", "eta"}, {"uscale", "mapping"}, {"vscale", "mapping"}};
+    {"st", "uv"}, {"Pw", "P"}, {"name", "reflectance"}, {"sigma_a", "reflectance"}, {"sigma_s", "reflectance"}, {"eta", "reflectance"}, {"k", "reflectance"}, {"cropwindow", "pixelbounds"}, {"index", "eta"}, {"uscale", "mapping"}, {"vscale", "mapping"}};
 
 std::string params_text(const LanguageRow& row, Dialect dialect, std::string_view without) {
   std::string out;

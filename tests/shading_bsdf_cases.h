@@ -6,6 +6,7 @@
 #include "shading/bsdf_disney.h"
 #include "shading/bsdf_hair.h"
 #include "shading/bsdf_lobes.h"
+#include "shading/subsurface.h"
 #include "shading_fourier_support.h"
 #include "shading_measured_support.h"
 
@@ -25,7 +26,7 @@ inline Bsdf make_bsdf(const BsdfCase& c, const Vec3& wo, const Frame& frame = Fr
   return b;
 }
 
-inline constexpr int kBsdfKinds = 23;
+inline constexpr int kBsdfKinds = 24;
 
 // A BSDF of a kind with the numbers that `u` gives, each in [0, 1).
 //   Not reciprocal are refraction (it compresses radiance), tables (only at the nodes of their splines), and hair (its lobes
@@ -93,6 +94,8 @@ BsdfCase random_case(int kind, Random&& u) {
       return {"HairStraight", {hair({2.f * u() - 1.f, index, color(2.f), rough(), rough(), 0.f})}, false};
     case 21:  // near grazing angles too few of the samples see the diffuse lobe; a test of its own has the energy
       return {"Coated", {coated_lambert(kd / (index * index), index), specular_reflection(Rgb(1.f), dielectric_one_sided(index))}, true, false};
+    case 22:
+      return {"DiffuseExit", {diffuse_exit(index)}, false};
     default:
       return {"HairTilted", {hair({2.f * u() - 1.f, index, color(2.f), rough(), rough(), 4.f * u()})}, false, false};
   }

@@ -29,8 +29,8 @@ std::uint32_t samples_per_pixel(const Entity& sampler, Dialect dialect, Warnings
 // Integrators that estimate what `path` estimates in another way.
 bool is_same_transport(const std::string& type) {
   static const std::set<std::string> types{"metropolis", "igi",  "irradiancecache", "photonmap", "exphotonmap",
-                                           "mlt",        "bdpt", "sppm",            "dipolesubsurface",
-                                           "diffuseprt", "glossyprt", "useprobes"};
+                                           "mlt",        "bdpt", "sppm",            "diffuseprt",
+                                           "glossyprt",  "useprobes"};
   return types.contains(type);
 }
 
@@ -96,7 +96,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     job.media_step = scene.volume_integrator->params.real("stepsize", 1.f);
     if (!(job.media_step > 0.f)) throw SceneError(scene.volume_integrator->location, "stepsize must be > 0, got " + std::to_string(job.media_step));
   }
-  if (type == "volpath") type = "path";
+  if (type == "volpath" || type == "dipolesubsurface") type = "path";
   if (is_same_transport(type)) {
     warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path");
     type = "path";

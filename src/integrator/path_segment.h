@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <bit>
 #include <cstdint>
 
 #include "cloudrenderer/math.h"
@@ -20,6 +21,9 @@ enum SegmentFlag : std::uint16_t {
   kCameraRay = 4,       // straight from the camera: neighbours are coherent
   kMainTested = 8,      // the main scene (part 0), which every host holds, has been tested for this ray
   kLastRay = 16,        // only what this ray finds emitting still counts: the path ends at its hit
+  kInside = 32,         // a step of a walk inside of a subsurface material, see InteriorMedium below
+  kInsideScattered = 64,  // the walk has changed its direction
+  kInsideReversed = 128,  // the walk began on the back of a surface
 };
 
 // One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
@@ -31,7 +35,7 @@ struct PathSegment {
   float previous_pdf = 0;            // solid angle density of the bounce that made this ray
   Fixed3 radiance{};                 // gathered so far, units of 2^-k
   Vec3 previous_normal;              // shading normal where the ray started: for the light choice's density (MIS)
-  BestHit best;                      // of hosts visited for this segment
+  BestHit best;                      // of hosts visited for this segment; at first t is where the ray ends
   std::uint64_t tested = 0;          // bit i: candidate i along the ray has been tested (see PartMap)
   std::uint32_t task = 0;            // renderer task that the path belongs to (job-wide number)
   std::uint32_t pixel = 0;           // y * full width + x
@@ -48,6 +52,18 @@ struct PathSegment {
 
   // Where the path scattered last, for the densities of lights; null surfaces lie between.
   Vec3 scattered_at() const { return cone_width < 0.f ? origin + direction * cone_width : origin; }
+
+  // With kInside no light is sampled, so that previous_pdf and previous_normal have no use: they hold the medium of the
+  // walk (InteriorMedium::pack), and `passed` counts its steps.
+  std::array<std::uint32_t, 4> inside() const {
+    const auto bits = [](float x) { return std::bit_cast<std::uint32_t>(x); };
+    return {bits(previous_pdf), bits(previous_normal.x), bits(previous_normal.y), bits(previous_normal.z)};
+  }
+  void set_inside(const std::array<std::uint32_t, 4>& packed) {
+    const auto number = [&](std::size_t i) { return std::bit_cast<float>(packed[i]); };
+    previous_pdf = number(0);
+    previous_normal = {number(1), number(2), number(3)};
+  }
 };
 
 // The end of a path, sent to the owner of its renderer task.

@@ -77,6 +77,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
       resident_(resident),
       shading_(Shading::build(manifest.scene, {.texture_budget = texture_budget}, warnings)) {
   motion_ = manifest.moves;
+  subsurface_ = shading_->has_subsurface();
   shutter_ = shutter_of(manifest.scene.camera);
   footprint_ = shading_->needs_footprint();
   footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.footprint_spp ? job.footprint_spp : job.spp));
@@ -336,6 +337,9 @@ void PathTracer::trace(SegmentBatch& batch) const {
   const std::size_t n = batch.size();
   batch.hits.resize(n);
   batch.next.assign(n, PartId{});
+  // Steps inside of a medium end where it scatters.
+  for (std::size_t i = 0; subsurface_ && i < n; ++i)
+    if (!(batch.segments[i].flags & kMainTested)) batch.hits[i].t = std::min(batch.hits[i].t, batch.segments[i].best.t);
   for (std::size_t i = 0; i < n;) {
     std::size_t run = 0;
     while (run < 8 && !grids_ && i + run < n && !(batch.segments[i + run].flags & kMainTested) && batch.hits[i + run].t == kInfinity)

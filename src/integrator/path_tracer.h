@@ -70,6 +70,7 @@ class PathTracer final : public PathEngine {
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool footprint_;
   bool motion_;      // some instance moves: rays have times
+  bool subsurface_;  // some material has a medium inside
   Shutter shutter_;
   std::uint32_t first_pair_;  // of a vertex's numbers that is of use: the first one chooses among lights
   double fixed_units_;     // of fixed point, in one

@@ -211,23 +211,29 @@ void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatte
   v.direction = sample.wi;
   v.pdf = tracer.even_lobes_ ? bsdf.even_pdf(v.wo, sample.wi) : sample.pdf;
 }
+template void PathTracer::Shader::direct<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::thin_out<float>(ScatterOf<float>&) const;
 template void PathTracer::Shader::scatter<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::scatter<Float8>(const Bsdf8&, Mask8, ScatterOf<Float8>&) const;
 
+void PathTracer::Shader::ask_for_light(const ScatterResults& r, std::size_t lane) {
+  using R = ScatterResults;
+  if (!(r.asks >> lane & 1u)) return;
+  const float* const row = r.rows[lane];
+  ++out.counts.shadow;
+  static_assert(sizeof(OcclusionRay) == (R::light_distance + 1 - R::light_origin) * sizeof(float));
+  Vec3 light = r.get(R::light, lane);
+  if (tracer.media_) light *= shadow_transmittance(r.get(R::light_origin, lane), r.get(R::light_direction, lane), row[R::light_distance]);
+  if (OcclusionRay* const ray = shadow(light)) {
+    std::memcpy(static_cast<void*>(ray), row + R::light_origin, sizeof(*ray));
+    if (tracer.grids_) put_channel(*ray, tracer.channel_of(*path));
+  }
+}
+
 void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, float t) {
   using R = ScatterResults;
   const float* const row = r.rows[lane];
-  if (r.asks >> lane & 1u) {
-    ++out.counts.shadow;
-    static_assert(sizeof(OcclusionRay) == (R::light_distance + 1 - R::light_origin) * sizeof(float));
-    Vec3 light = r.get(R::light, lane);
-    if (tracer.media_) light *= shadow_transmittance(r.get(R::light_origin, lane), r.get(R::light_direction, lane), row[R::light_distance]);
-    if (OcclusionRay* const ray = shadow(light)) {
-      std::memcpy(static_cast<void*>(ray), row + R::light_origin, sizeof(*ray));
-      if (tracer.grids_) put_channel(*ray, tracer.channel_of(*path));
-    }
-  }
+  ask_for_light(r, lane);
   if (!(r.goes_on >> lane & 1u)) {
     if (r.invalid >> lane & 1u) {
       ++out.counts.invalid;
@@ -304,6 +310,8 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   if (is_over(s)) return end();
 
   const Footprint print = tracer.footprint_ ? footprint(p, hit.t) : Footprint{};
+  if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside))
+    return enter(material, inside.medium, p, print, hit.t);
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, wo, print);
   if (bsdf.empty()) return end();
   const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex);
@@ -336,6 +344,11 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
       out.absent.segments.push_back(batch.segments[i]);
       out.absent.hits.push_back(batch.hits[i]);
       out.absent.next.emplace_back(part);
+      continue;
+    }
+    if (batch.segments[i].flags & kInside) {
+      shader.begin(batch.segments[i]);
+      shader.walk(batch.hits[i]);
       continue;
     }
     if (!media_ && eight.take(i)) continue;

@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "integrator/path_tracer.h"
+#include "shading/subsurface.h"
 #include "shapes/surface.h"
 
 namespace cloudrenderer {
@@ -195,6 +196,15 @@ struct PathTracer::Shader {
   // Sends the path on; the caller says where, in what is returned.
   PathSegment& next();
   void occlusion(const SurfacePoint& p, const Vec3& offset, const SampleSequence& sequence);
+  // Below surfaces: shade_subsurface.cpp.
+  struct Step;
+  // A vertex on a material with a medium inside: what its BSDF transmits goes into the medium, from whichever side.
+  void enter(std::uint32_t material, const InteriorMedium& medium, SurfacePoint& p,
+             const Footprint& footprint, float t);
+  // Takes the path under work on through the medium that it is in, from the step whose ray has been traced.
+  void walk(Hit hit);
+  bool walk_meets(const Hit& hit, const Step& step);
+  void leave(const SubsurfacePoint& at, const SurfacePoint& p, const Vec3& outwards);
   // True if the path scatters no more at its vertex.
   bool is_over(const PathSegment& s) const { return (s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices; }
   // What happens where a path scatters, but for what scattered() does; `active` lanes only.
@@ -211,6 +221,7 @@ struct PathTracer::Shader {
   void direct(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
   template <class F>
   void thin_out(ScatterOf<F>& v) const;
+  void ask_for_light(const ScatterResults& r, std::size_t lane);
   // Takes the path under work on from its vertex.
   void scattered(const ScatterResults& r, std::size_t lane, float t);
 };

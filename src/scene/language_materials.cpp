@@ -14,11 +14,11 @@ constexpr unsigned kV23 = kInV2 | kInV3;
 #define DISPLACED "float displacement, !string normalmap"
 constexpr LanguageRow kRows[] = {
     // pbrt-v2 and v3
-    {"Material", "disney", kInV3, kDone, "spectrum color, float metallic, float roughness, float eta, float spectrans, float anisotropic, float speculartint, float sheen, float sheentint, float clearcoat, float clearcoatgloss, ~spectrum scatterdistance, bool thin, float flatness, float difftrans, float bumpmap", "light below the surface comes as diffuse"},
+    {"Material", "disney", kInV3, kDone, "spectrum color, float metallic, float roughness, float eta, float spectrans, float anisotropic, float speculartint, float sheen, float sheentint, float clearcoat, float clearcoatgloss, spectrum scatterdistance, bool thin, float flatness, float difftrans, float bumpmap", ""},
     {"Material", "fourier", kInV3, kDone, "string bsdffile, float bumpmap", "black without its file, as in pbrt-v3"},
     {"Material", "glass", kV23, kDone, "spectrum Kr, spectrum Kt, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float index, float eta@v3, float bumpmap", ""},
     {"Material", "hair", kInV3, kDone, "spectrum sigma_a, spectrum color, float eumelanin, float pheomelanin, float eta, float beta_m, float beta_n, float alpha", ""},
-    {"Material", "kdsubsurface", kV23, kNear, "spectrum Kd, ~float meanfreepath@v2, ~spectrum mfp@v3, float index@v2, ~float eta@v3, spectrum Kr, ~spectrum Kt@v3, ~float roughness@v3, ~float uroughness@v3, ~float vroughness@v3, ~bool remaproughness@v3, ~float scale@v3, ~float g@v3, float bumpmap", "diffuse below a smooth coat"},
+    {"Material", "kdsubsurface", kV23, kDone, "spectrum Kd, float meanfreepath@v2, spectrum mfp@v3, float index@v2, float eta@v3, spectrum Kr, spectrum Kt@v3, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float scale@v3, float g@v3, float bumpmap", "a random walk through the medium inside"},
     {"Material", "matte", kV23, kDone, "spectrum Kd, float sigma, float bumpmap", ""},
     {"Material", "measured", kInV2, kDone, "string filename, float bumpmap", "MERL tables and .brdf files"},
     {"Material", "metal", kV23, kDone, "spectrum eta, spectrum k, float roughness, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float bumpmap", ""},
@@ -28,7 +28,7 @@ constexpr LanguageRow kRows[] = {
     {"Material", "plastic", kV23, kDone, "spectrum Kd, spectrum Ks, float roughness, bool remaproughness@v3, float bumpmap", ""},
     {"Material", "shinymetal", kInV2, kDone, "spectrum Ks, spectrum Kr, float roughness, float bumpmap", ""},
     {"Material", "substrate", kV23, kDone, "spectrum Kd, spectrum Ks, float uroughness, float vroughness, bool remaproughness@v3, float bumpmap", ""},
-    {"Material", "subsurface", kV23, kMissing, "string name, spectrum sigma_a, spectrum sigma_prime_s, spectrum sigma_s@v3, float scale, float index@v2, float eta@v3, float g@v3, spectrum Kr, spectrum Kt@v3, float roughness@v3, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float bumpmap", "grey matte"},
+    {"Material", "subsurface", kV23, kDone, "string name, spectrum sigma_a, spectrum sigma_prime_s@v2, spectrum sigma_s@v3, float scale, float index@v2, float eta@v3, float g@v3, spectrum Kr, spectrum Kt@v3, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float bumpmap", "a random walk through the medium inside"},
     {"Material", "translucent", kV23, kDone, "spectrum Kd, spectrum Ks, spectrum reflect, spectrum transmit, float roughness, bool remaproughness@v3, float bumpmap", ""},
     {"Material", "uber", kV23, kDone, "spectrum Kd, spectrum Ks, spectrum Kr, spectrum Kt, spectrum opacity, float roughness, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float index, float eta@v3, float bumpmap", ""},
     // pbrt-v4
@@ -42,7 +42,7 @@ constexpr LanguageRow kRows[] = {
     {"Material", "interface", kInV4, kDone, "", "the surface is passed through; so is \"\""},
     {"Material", "measured", kInV4, kMissing, "string filename, " DISPLACED, "grey matte"},
     {"Material", "mix", kInV4, kDone, "string materials, float amount", "weighted, not chosen by chance"},
-    {"Material", "subsurface", kInV4, kMissing, "string name, spectrum sigma_a, spectrum sigma_s, spectrum reflectance, spectrum mfp, float scale, float eta, float g, " ROUGH ", " DISPLACED, "grey matte; with reflectance as kdsubsurface"},
+    {"Material", "subsurface", kInV4, kDone, "string name, spectrum sigma_a, spectrum sigma_s, spectrum reflectance, spectrum mfp, float scale, float eta, float g, " ROUGH ", " DISPLACED, "a random walk through the medium inside"},
     {"Material", "thindielectric", kInV4, kDone, "spectrum eta, " DISPLACED, ""},
 };
 #undef ROUGH

@@ -52,7 +52,7 @@ constexpr LanguageRow kRows[] = {
     {"PixelFilter", "triangle", kV23, kDone, "float xwidth, float ywidth", ""},
     {"SurfaceIntegrator", "ambientocclusion", kInV2, kDone, "integer nsamples, float maxdist", ""},
     {"SurfaceIntegrator", "diffuseprt", kInV2, kNear, "-integer lmax, -integer nsamples", kPathNote},
-    {"SurfaceIntegrator", "dipolesubsurface", kInV2, kNear, "integer maxdepth, -float maxerror, -float minsampledistance, -string pointsfile", kPathNote},
+    {"SurfaceIntegrator", "dipolesubsurface", kInV2, LanguageState::done, "integer maxdepth, -float maxerror, -float minsampledistance, -string pointsfile", "as path, whose walks are what the dipole approximates"},
     {"SurfaceIntegrator", "directlighting", kInV2, kDone, "integer maxdepth, -string strategy", ""},
     {"SurfaceIntegrator", "exphotonmap", kInV2, kNear, "integer maxdepth, -integer causticphotons, -integer indirectphotons, -integer nused, -integer maxspeculardepth, -integer maxphotondepth, -bool finalgather, -integer finalgathersamples, -float maxdist, -float gatherangle", kPathNote},
     {"SurfaceIntegrator", "glossyprt", kInV2, kNear, "-integer lmax, -integer nsamples, -spectrum Kd, -spectrum Ks, -float roughness", kPathNote},

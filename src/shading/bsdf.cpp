@@ -138,6 +138,7 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
   switch (l.kind) {
     case LobeKind::lambert:
     case LobeKind::oren_nayar:
+    case LobeKind::diffuse_exit:
       return luminance(l.scale);
     case LobeKind::microfacet: {
       const bool one_sided = l.fresnel == Fresnel::dielectric_one_sided;
@@ -197,7 +198,7 @@ MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const
   }
   const F side = lanes::select(wo.z > 0.f, F(1.f), F(-1.f));
   MaskOf<F> diffuse{l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar || l.kind == LobeKind::disney_diffuse ||
-                    l.kind == LobeKind::coated_lambert};
+                    l.kind == LobeKind::coated_lambert || l.kind == LobeKind::diffuse_exit};
   if (l.kind == LobeKind::fresnel_blend) diffuse = u >= mix;
   if (lanes::any(diffuse)) {
     wi = sample_cosine(u2);
@@ -322,6 +323,9 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
         break;
       case LobeKind::oren_nayar:
         add(counts, oren_nayar_value(l, wo, wi), sampled, chance.weight * ci * kInvPi);
+        break;
+      case LobeKind::diffuse_exit:
+        add(counts, l.scale * (kInvPi * (1.f - fresnel_dielectric<F>(ci, l.eta.x))), sampled, chance.weight * ci * kInvPi);
         break;
       case LobeKind::microfacet: {
         const Vector w(wi.x, wi.y, l.transmits ? -wi.z : wi.z);

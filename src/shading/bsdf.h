@@ -16,6 +16,7 @@ class ScatteringTable;
 enum class LobeKind : std::uint8_t {
   lambert,  // also for transmission
   oren_nayar,
+  diffuse_exit,           // out of a medium: see subsurface.h
   microfacet,             // reflection; with `transmits` pbrt-v2's BRDFToBTDF of it
   microfacet_dielectric,  // rough reflection and refraction, chosen by Fresnel
   fresnel_blend,          // Ashikhmin and Shirley 2000: diffuse under a glossy coat

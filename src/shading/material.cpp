@@ -23,8 +23,8 @@ constexpr std::array kKinds{
     MaterialKind{"coateddiffuse", make_coateddiffuse, 2},
     MaterialKind{"thindielectric", make_thindielectric, 1},
     MaterialKind{"disney", make_disney, 5},
-    MaterialKind{"kdsubsurface", make_kdsubsurface, 2},
-    MaterialKind{"subsurface", make_grey, 1},
+    MaterialKind{"kdsubsurface", make_kdsubsurface, 1},
+    MaterialKind{"subsurface", make_subsurface, 1},
     MaterialKind{"measured", make_measured, 1},
     MaterialKind{"fourier", make_fourier, 1},
     MaterialKind{"hair", make_hair, 1, false},
@@ -144,7 +144,9 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
       LobeSink sink(constant);
       r.material->add_lobes(TexturePoint(), sink);
       for (int i = 0; i < constant.lobe_count(); ++i) r.lobes.push_back(constant.lobe(i));
+      if (SubsurfacePoint inside; r.material->subsurface(TexturePoint(), inside)) r.subsurface = inside;
     }
+    r.has_subsurface = r.material->has_subsurface();
     desc.params.report_unused("Material \"" + desc.type + "\"", warnings);
     out.push_back(std::move(r));
   }

@@ -14,6 +14,8 @@
 
 namespace cloudrenderer {
 
+struct SubsurfacePoint;
+
 // The size of a pixel at a surface point, in world space: two vectors in the tangent plane that
 // span the footprint of the ray, all zero where the scene needs none (no filtered textures).
 struct Footprint {
@@ -50,6 +52,12 @@ class Shading {
   // black.
   virtual Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo,
                     const Footprint& footprint) const = 0;
+
+  // True if some material has a medium inside.
+  virtual bool has_subsurface() const = 0;
+  // What is inside of this material at a point. False: nothing.
+  virtual bool subsurface(std::uint32_t material, const SurfacePoint& point, const Footprint& footprint,
+                          SubsurfacePoint& out) const = 0;
 
   // Materials of the same kind can be shaded eight at once: constants, whose lobes agree in everything
   // but numbers. 0: the material has no such kind.

@@ -25,10 +25,10 @@ class Disney final : public Material {
         transmission_(in.params.real("spectrans", 0.f)),
         flatness_(in.params.real("flatness", 0.f)),
         diffuse_transmission_(in.params.real("difftrans", 1.f)),
+        distance_(in.params.rgb("scatterdistance", Rgb(0.f))),
         thin_(in.params.params().boolean("thin", false)) {
-    const TexturedRgb distance = in.params.rgb("scatterdistance", Rgb(0.f));
-    if (!thin_ && (distance.texture || !is_black(distance.constant)))
-      in.params.warn("disney material: the subsurface part (\"scatterdistance\") comes as diffuse");
+    if (!thin_ && (distance_.texture || !is_black(distance_.constant)))
+      albedo_.emplace(eta_.texture ? 1.5f : eta_.constant, 1.f);
     in.tangents = in.tangents || anisotropic_.texture || anisotropic_.constant != 0.f;
   }
 
@@ -38,9 +38,13 @@ class Disney final : public Material {
     const float diffuse = (1.f - metallic) * (1.f - transmission), through = 0.5f * share(diffuse_transmission_(at));
     const float light = luminance(color);
     const Rgb tint = light > 0.f ? color / light : Rgb(1.f);
-    if (diffuse > 0.f) add_diffuse(at, diffuse * color, diffuse, tint, thin_ ? 1.f - through : 1.f, rough, out);
+    const float eta = eta_(at);
+    const bool walks = diffuse > 0.f && albedo_ && !is_black(positive(distance_(at)));
+    if (diffuse > 0.f)
+      add_diffuse(at, diffuse * color, diffuse, tint, walks ? 0.f : thin_ ? 1.f - through : 1.f, rough, out);
+    if (walks) out.add(bsdf::specular_transmission(Rgb(1.f), eta, false));
 
-    const float eta = eta_(at), aspect = std::sqrt(1.f - 0.9f * share(anisotropic_(at)));
+    const float aspect = std::sqrt(1.f - 0.9f * share(anisotropic_(at)));
     const auto microfacets = [&](float r) { return bsdf::trowbridge_reitz(square(r) / aspect, square(r) * aspect); };
     const bsdf::Microfacets m = bsdf::separable(microfacets(rough));
     const Rgb dielectric = square((eta - 1.f) / (eta + 1.f)) * glm::mix(Rgb(1.f), tint, share(specular_tint_(at)));
@@ -52,6 +56,27 @@ class Disney final : public Material {
       out.add(bsdf::microfacet_dielectric(Rgb(0.f), transmission * glm::sqrt(color),
                                           thin_ ? microfacets((0.65f * eta - 0.35f) * rough) : m, eta));
     if (thin_ && through > 0.f && !is_black(color)) out.add(bsdf::lambert(through * color, true));
+  }
+  bool has_subsurface() const override { return albedo_.has_value(); }
+  // The diffuse colour is that of a medium behind a boundary that bends light on its way in only. Its mean free path: the
+  // profile of Burley's that has this width (Christensen and Burley 2015, "Approximate Reflectance Profiles for Efficient
+  // Subsurface Scattering", for light that enters diffusely).
+  bool subsurface(const TexturePoint& at, SubsurfacePoint& out) const override {
+    const Rgb distance = positive(distance_(at));
+    const float diffuse = (1.f - share(metallic_(at))) * (1.f - share(transmission_(at)));
+    if (!albedo_ || is_black(distance) || !(diffuse > 0.f)) return false;
+    const Rgb color = diffuse * positive(color_(at));
+    for (int c = 0; c < 3; ++c) {
+      const float a = std::min(color[c], 1.f), albedo = albedo_->single_scattering(a);
+      const float sigma_t = 1.f / std::max(distance[c] * (1.9f - a + 3.5f * square(a - 0.8f)), 1e-9f);
+      out.medium.sigma_s[c] = albedo * sigma_t;
+      out.medium.sigma_a[c] = (1.f - albedo) * sigma_t;
+    }
+    out.medium.g = 0.f;
+    out.medium = rounded_g(out.medium);
+    out.boundary = bsdf::specular_dielectric(Rgb(1.f), Rgb(1.f), 1.f, false);
+    out.eta = 1.f;
+    return true;
   }
 
  private:
@@ -67,6 +92,8 @@ class Disney final : public Material {
   TexturedRgb color_;
   TexturedFloat metallic_, eta_, roughness_, specular_tint_, anisotropic_, sheen_, sheen_tint_, clearcoat_, gloss_,
       transmission_, flatness_, diffuse_transmission_;
+  TexturedRgb distance_;
+  std::optional<HalfSpaceAlbedo> albedo_;  // of what scatters below the surface; none: nothing does
   bool thin_;
 };
 

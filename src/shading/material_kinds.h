@@ -6,6 +6,7 @@
 
 #include "shading/bsdf_lobes.h"
 #include "shading/material.h"
+#include "shading/subsurface.h"
 #include "shading/texture.h"
 
 namespace cloudrenderer {
@@ -32,6 +33,9 @@ class Material {
  public:
   virtual ~Material() = default;
   virtual void add_lobes(const TexturePoint& at, LobeSink& out) const = 0;
+  // Materials with a medium inside, into which light goes that their lobes transmit. False: none, here.
+  virtual bool has_subsurface() const { return false; }
+  virtual bool subsurface(const TexturePoint&, SubsurfacePoint&) const { return false; }
 };
 
 // A material with what Shading must know of it.
@@ -39,6 +43,8 @@ struct MaterialRecord {
   std::unique_ptr<Material> material;  // null: the null material
   std::vector<Lobe> lobes;             // when not textured
   std::vector<LobeOf<Float8>> lobes8;  // the same in all lanes, if the material has a kind (Shading::kind)
+  std::optional<SubsurfacePoint> subsurface;  // what there is inside, when not textured
+  bool has_subsurface = false;
   bool textured = false;
   bool tangents = false;  // depends on the direction of the tangents
   bool has_bump = false;
@@ -82,8 +88,8 @@ std::unique_ptr<Material> make_mix(MaterialInputs&);
 std::unique_ptr<Material> make_disney(MaterialInputs&);
 std::unique_ptr<Material> make_fourier(MaterialInputs&);
 std::unique_ptr<Material> make_hair(MaterialInputs&);
-std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);  // approximated
-std::unique_ptr<Material> make_grey(MaterialInputs&);          // for kinds that are not supported
+std::unique_ptr<Material> make_subsurface(MaterialInputs&);
+std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);
 
 // No colour may be negative.
 inline Rgb positive(const Rgb& c) { return glm::max(c, Rgb(0.f)); }

@@ -18,21 +18,8 @@ class Matte final : public Material {
   TexturedFloat sigma_;
 };
 
-class Grey final : public Material {
- public:
-  void add_lobes(const TexturePoint&, LobeSink& out) const override {
-    out.add(bsdf::lambert(Rgb(0.5f)));
-  }
-};
-
 }  // namespace
 
 std::unique_ptr<Material> make_matte(MaterialInputs& in) { return std::make_unique<Matte>(in); }
-
-std::unique_ptr<Material> make_grey(MaterialInputs& in) {
-  in.params.warn("this kind of material is not supported; using a grey matte one");
-  for (const Param& p : in.params.params().all()) p.used = true;  // one warning is enough
-  return std::make_unique<Grey>();
-}
 
 }  // namespace cloudrenderer

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <charconv>
 
@@ -15,6 +16,16 @@ class Mix final : public Material {
     const Rgb a = positive(amount_(at));
     add(parts_[0], a, at, out);
     add(parts_[1], positive(Rgb(1.f) - a), at, out);
+  }
+  bool has_subsurface() const override {
+    return std::ranges::any_of(parts_, [](const Part& p) { return p.material && p.material->has_subsurface(); });
+  }
+  // Of the two that one counts which is mixed in more.
+  bool subsurface(const TexturePoint& at, SubsurfacePoint& out) const override {
+    const std::size_t more = luminance(positive(amount_(at))) < 0.5f ? 1 : 0;
+    for (const std::size_t i : {more, 1 - more})
+      if (parts_[i].material && parts_[i].material->subsurface(at, out)) return true;
+    return false;
   }
 
  private:

@@ -79,6 +79,17 @@ class SceneShading final : public Shading {
     return b;
   }
 
+  bool has_subsurface() const override {
+    return std::ranges::any_of(records_, [](const MaterialRecord& r) { return r.has_subsurface; });
+  }
+  bool subsurface(std::uint32_t material, const SurfacePoint& point, const Footprint& footprint,
+                  SubsurfacePoint& out) const override {
+    if (material >= records_.size()) return false;
+    const MaterialRecord& r = records_[material];
+    if (r.subsurface) out = *r.subsurface;
+    return r.subsurface || (r.has_subsurface && r.textured && r.material->subsurface(TexturePoint(point, footprint), out));
+  }
+
   std::uint32_t kind(std::uint32_t material) const override {
     return material < records_.size() ? records_[material].kind : 0;
   }
