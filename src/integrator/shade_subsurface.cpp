@@ -61,6 +61,18 @@ struct PathTracer::Shader::Step {
     const float density = glm::dot(throughput, scatters ? sigma_t * through : through) / sum;
     return density > 0.f ? (scatters ? medium.sigma_s * through : through) / density : Rgb(0.f);
   }
+  // What of the light is left at the surface after the first kMostSteps of a walk. Their distances from the surface spread
+  // with a variance of 2 kMostSteps / 3 free paths squared as in diffusion off a wall (Rayleigh's distribution), and light
+  // falls off by exp(-sqrt(3 (1 - albedo)) depth); the mean of that, x^2 = 2 kMostSteps (1 - albedo), to within 5 %.
+  static Rgb left_of_the_rest(const InteriorMedium& medium) {
+    const Rgb sigma_t = medium.sigma_a + medium.sigma_s;
+    Rgb out(1.f);
+    for (int c = 0; c < 3; ++c) {
+      const float x2 = sigma_t[c] > 0.f ? 2.f * kMostSteps * medium.sigma_a[c] / sigma_t[c] : 0.f;
+      out[c] = 1.f / (1.f + 1.2533f * std::sqrt(x2) + 0.8f * x2);
+    }
+    return out;
+  }
   float end_of_ray(std::uint32_t number) const { return looks_for_surface(number) ? kInfinity : distance; }
 };
 
@@ -119,6 +131,7 @@ void PathTracer::Shader::walk(Hit hit) {
       return escape();
     }
     if (!step.last) s.throughput *= Step::weight(medium, s.throughput, meets ? hit.t : step.distance, !meets);
+    if (s.passed == kMostSteps) s.throughput *= Step::left_of_the_rest(medium);
     if (!is_finite(s.throughput)) {
       ++out.counts.invalid;
       end_flags |= kEndInvalid;
