@@ -100,6 +100,7 @@ void V4Translator::material(Entity& e) const {
     if (p.has("reflectance")) {
       e.type = "kdsubsurface";
       p.rename("reflectance", "Kd");
+      for (const char* decided : {"name", "sigma_a", "sigma_s"}) p.take(decided);
     }
     roughness(e, 0.f);
     p.take("roughnessmap");
