@@ -123,7 +123,7 @@ TEST(LightDistributions, Triangles) {
   for (const std::vector<Triangle>& t :
        {std::vector<Triangle>{{0, 2, 1}}, std::vector<Triangle>{{0, 4, 1}, {1, 4, 2}, {2, 4, 3}, {3, 4, 0}}}) {
     const auto lights = Scene().mesh(v, t, Rgb(1)).build();
-    expect_distribution(*lights, Vec3(0), Vec3(0, 0, 1), [&](const Vec3& d) { return mesh_density(*lights, 0, v, t, Vec3(0), {0, 0, 1}, d); });
+    expect_distribution(*lights, Vec3(0), Vec3(0, 0, 1), [&](const Vec3& d) { return mesh_density(*lights, 0, v, t, Vec3(0), {0, 0, 1}, d); }, 12);
   }
 }
 
