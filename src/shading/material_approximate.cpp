@@ -23,7 +23,7 @@ class KdSubsurface final : public Material {
 };
 
 void approximated(const MaterialInputs& in, const char* as) {
-  in.params.warn(std::string("this kind of material is approximated: ") + as);
+  in.params.warn(std::string("the material \"kdsubsurface\" is approximated: ") + as);
   for (const Param& p : in.params.params().all()) p.used = true;  // one warning is enough
 }
 

@@ -30,7 +30,7 @@ class Grey final : public Material {
 std::unique_ptr<Material> make_matte(MaterialInputs& in) { return std::make_unique<Matte>(in); }
 
 std::unique_ptr<Material> make_grey(MaterialInputs& in) {
-  in.params.warn("this kind of material is not supported; using a grey matte one");
+  in.params.warn("the material \"subsurface\" is not supported: a grey matte one is used");
   for (const Param& p : in.params.params().all()) p.used = true;  // one warning is enough
   return std::make_unique<Grey>();
 }
