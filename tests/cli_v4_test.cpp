@@ -56,6 +56,9 @@ const Pair kPairs[] = {
      "Material \"translucent\" \"rgb Kd\" [1 1 1] \"rgb Ks\" [0 0 0] \"rgb reflect\" [.5 .4 .3] "
      "\"rgb transmit\" [.25 .25 .25]",
      "Material \"diffusetransmission\" \"rgb reflectance\" [.5 .4 .3]"},
+    {"one triangle needs no indices",
+     "Shape \"trianglemesh\" \"integer indices\" [0 1 2] \"point P\" [-1 -1 1 1 -1 1 0 0 2]",
+     "Shape \"trianglemesh\" \"point3 P\" [-1 -1 1 1 -1 1 0 0 2]"},
     {"mix",
      "MakeNamedMaterial \"a\" \"string type\" \"matte\" \"rgb Kd\" [.8 .1 .1]\n"
      "MakeNamedMaterial \"b\" \"string type\" \"matte\" \"rgb Kd\" [.1 .1 .8]\n"
@@ -130,6 +133,37 @@ TEST_F(V4Scenes, SayTheSameAsV3InOtherWords) {
     // The map is sampled in another way than the constant.
     EXPECT_LE(difference, (std::string(pair.name).find("map of") != std::string::npos ? 0.2 : 1e-5) * sum);
   }
+}
+
+TEST_F(V4Scenes, SmoothConductorsShowNoLightsWithoutSize) {
+  for (const char* smooth : {"", "\"float roughness\" .0009 \"bool remaproughness\" false"}) {
+    const auto scene = [&](const std::string& light) {
+      return picture(std::string(kView) +
+                         "Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 16 \"string filename\" \"x.exr\"\n"
+                         "Sampler \"zsobol\" \"integer pixelsamples\" 4\nWorldBegin\n" +
+                         light + "Material \"conductor\" " + smooth + "\nShape \"sphere\"\n",
+                     Dialect::v4);
+    };
+    double lit = 0, mirrored = 0;
+    for (const float f : scene(kLamp).pixels) lit += static_cast<double>(f);
+    for (const float f : scene("LightSource \"infinite\"\n").pixels) mirrored += static_cast<double>(f);
+    EXPECT_EQ(lit, 0.0);
+    EXPECT_GT(mirrored, 0.8 * 16 * 16 * 3);
+    EXPECT_LT(mirrored, 0.99 * 16 * 16 * 3);
+  }
+}
+
+TEST_F(V4Scenes, OptionsAreANameAndAValueOrLikeParameters) {
+  for (const char* option : {"\"seed\" 5", "\"disablepixeljitter\" true", "\"rendercoordsys\" \"world\"",
+                             "\"msereferenceimage\" [ \"a.exr\" ]", "\"integer seed\" 5"}) {
+    const auto scene = picture("Option " + std::string(option) +
+                                   "\nFilm \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2 \"string filename\" \"x.exr\"\n"
+                                   "WorldBegin\nLightSource \"infinite\"\n",
+                               Dialect::v4);
+    EXPECT_EQ(scene.error, "") << option;
+    EXPECT_EQ(scene.pixels.size(), 12u);
+  }
+  EXPECT_NE(picture("Option \"seed\"", Dialect::v4).error, "");
 }
 
 TEST_F(V4Scenes, AreToldFromTheOlderOnes) {

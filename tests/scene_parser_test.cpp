@@ -107,6 +107,28 @@ TEST(Parser, IncludesAndFilesAreRelativeToTheTopOrTheIncluder) {
   EXPECT_EQ(sink.shapes[3].type, "last");
 }
 
+TEST(Parser, BeforeV4AFileMayHoldSomeOfTheParameters) {
+  const TemporaryFolder folder;
+  folder.write("more.pbrt", "\"float b\" 2\n# nothing\n\"float c\" [3]\n");
+  folder.write("wrong.pbrt", "\"float b\" 2 WorldEnd");
+  const auto parse = [&](const std::string& list) {
+    SceneCollector sink;
+    Warnings warnings;
+    parse_scene(folder.write("a.pbrt", "WorldBegin Shape \"x\" " + list + " WorldEnd"), {}, sink, warnings);
+    return sink.shapes;
+  };
+  const auto shapes = parse("\"float a\" 1 Include \"more.pbrt\" \"float d\" 4 Shape \"y\"");
+  ASSERT_EQ(shapes.size(), 2u);
+  const char* name = "abcd";
+  for (float i = 1; i <= 4; ++i) EXPECT_EQ(shapes[0].params.real(std::string(1, *name++), 0), i);
+  try {
+    parse("Include \"wrong.pbrt\"");
+    ADD_FAILURE() << "a directive between parameters was read";
+  } catch (const SceneError& e) {
+    EXPECT_NE(std::string(e.what()).find("wrong.pbrt:1:13"), std::string::npos) << e.what();
+  }
+}
+
 TEST(Parser, ObjectsAndInstances) {
   const ParsedScene p = world(R"(
 ObjectBegin "tree"

@@ -125,10 +125,10 @@ TEST(TriangleMesh, ReplacesNormalsAndUvsThatAreNotFinite) {
 
 TEST(TriangleMesh, MayBeEmptyButNotAbsent) {
   ShapeDesc s = shape("trianglemesh");
-  EXPECT_NE(error_of(s).find("needs \"indices\""), std::string::npos);
-  add_ints(s, "indices", {});
   EXPECT_NE(error_of(s).find("needs \"P\""), std::string::npos);
   add_reals(s, "P", ParamType::point3, {});
+  EXPECT_NE(error_of(s).find("needs \"indices\""), std::string::npos);
+  add_ints(s, "indices", {});
   Warnings warnings;
   const ShapeGeometry g = make_geometry(s, Dialect::v2, warnings);
   EXPECT_TRUE(mesh_of(g).triangles.empty());

@@ -93,6 +93,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
                           manifest.scene.film.params.real("diagonal", 35.f));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
   if (job.media != MediaTransport::none) build_media(manifest.scene, main_part, warnings);
+  if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);
   resident.load_part(PartId{0}, std::move(main_part));
 }
 

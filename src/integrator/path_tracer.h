@@ -81,6 +81,9 @@ class PathTracer final : public PathEngine {
   std::unique_ptr<const Media> media_;  // null: the job has none
   std::vector<Interface> interfaces_;   // by material, where a path has a medium that it is in (v3)
   std::uint16_t camera_medium_ = 0;
+  // As far a shadow ray to a light at infinity meets media: the diameter of the scene's sphere, as in
+  // pbrt-v3 and v4, or such lights would not shine into a medium without bounds.
+  float longest_shadow_ = kInfinity;
   bool grids_ = false;     // there are bricks to collide with
   bool one_channel_ = false;  // a path is of one channel: grids differ between them
   bool null_surfaces_ = false;  // shadow rays pass surfaces without material: these are all in the main scene

@@ -93,6 +93,7 @@ void PathTracer::Shader::scatter_in_medium(const MediumSample& at) {
 Rgb PathTracer::Shader::shadow_transmittance(const Vec3& origin, const Vec3& direction, float distance) const {
   const Media& media = *tracer.media_;
   std::uint16_t medium = medium_towards(direction);
+  if (distance >= shadow_length(kInfinity)) distance = std::min(distance, tracer.longest_shadow_);
   if (!tracer.null_surfaces_) return media.transmittance(medium, {origin, direction, distance});
   Rgb passed(1.f);
   Vec3 from = origin;

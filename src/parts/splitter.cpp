@@ -106,6 +106,11 @@ class SceneSplitter::Work {
     Placing to_object;
   };
 
+  bool is_interface(const ShapeRow& row) const;
+  bool is_lifted(std::uint32_t row) const { return row < lifted_.size() && lifted_[row]; }
+  void lift_interfaces();
+  void lift(const Spool::View& view, std::uint32_t prototype, const Transform& to_world,
+            std::uint32_t first_shape);
   void write_prototypes();
   void write_prototype(std::uint32_t index);
   void move_into_world(std::uint32_t index);
@@ -135,6 +140,7 @@ class SceneSplitter::Work {
   SpoolArray<Item> items_;                  // instances and bricks first, then triangles and quadrics
   std::vector<std::vector<Piece>> pieces_;  // by prototype as read
   std::vector<bool> in_main_;               // by row
+  std::vector<bool> lifted_;                // by row as read: of objects, and now of the world
   std::vector<std::uint64_t> checksums_;
   Bounds3 instance_box_;  // and of the bricks
   Manifest manifest_;
@@ -143,6 +149,7 @@ class SceneSplitter::Work {
 Manifest SceneSplitter::Work::finish(SceneDescription description) {
   manifest_.scene = std::move(description);
   manifest_.shape_lights = scene_.shape_lights();
+  lift_interfaces();
   write_prototypes();
   expand_instances();
   add_bricks();
@@ -157,6 +164,68 @@ Manifest SceneSplitter::Work::finish(SceneDescription description) {
   write_manifest(out_, encode(manifest_));
   make_file_names_absolute(manifest_.scene, out_);
   return std::move(manifest_);
+}
+
+// A surface that a shadow ray passes: every host finds for itself what media lie along it.
+bool SceneSplitter::Work::is_interface(const ShapeRow& row) const {
+  const SceneDescription& scene = manifest_.scene;
+  return scene.dialect == Dialect::v3 && !scene.media.empty() && row.material < scene.materials.size() &&
+         scene.materials[row.material].type == "none";
+}
+
+// Interfaces of objects that stand still become shapes of the world, since only those let shadow
+// rays pass.
+void SceneSplitter::Work::lift_interfaces() {
+  if (manifest_.scene.media.empty()) return;
+  const std::vector<PrototypeSpool>& prototypes = scene_.prototypes();
+  const std::span<const InstanceRecord> instances = scene_.instances().map();
+  std::vector<double> uses(prototypes.size(), 0);
+  std::vector<bool> moves(prototypes.size());
+  for (const InstanceRecord& i : instances) ++uses[i.prototype];
+  for (const MotionRecord& m : scene_.motions().map()) moves[instances[m.instance].prototype] = true;
+  for (std::size_t p = prototypes.size(); p-- > 0;)
+    for (const PrototypeSpool::Nested& n : prototypes[p].nested) {
+      uses[n.prototype] += uses[p];
+      if (moves[p] || !n.to_object.moves.empty()) moves[n.prototype] = true;
+    }
+  const Spool::View view = scene_.spool().map();
+  const std::span<const ShapeRow> rows = view.rows;
+  std::vector<bool> lifted(rows.size());
+  double bytes = 0;
+  bool opaque = false;
+  for (std::size_t p = 0; p < prototypes.size(); ++p)
+    for (const std::uint32_t r : prototypes[p].rows) {
+      if (!is_interface(rows[r]) || uses[p] == 0) continue;
+      if (moves[p]) {
+        opaque = true;
+      } else {
+        lifted[r] = true;
+        bytes += rows[r].bytes() * uses[p];
+      }
+    }
+  if (bytes > kEmissiveBytes)
+    opaque = true;
+  else if (bytes > 0)
+    lifted_ = std::move(lifted);
+  if (opaque)
+    warnings_.add({}, "surfaces without material that move, or are in too many instances, stop shadow rays");
+  if (!lifted_.empty())
+    for (const InstanceRecord& i : instances) lift(view, i.prototype, i.to_world, i.first_shape);
+}
+
+void SceneSplitter::Work::lift(const Spool::View& view, std::uint32_t prototype, const Transform& to_world,
+                               std::uint32_t first_shape) {
+  const PrototypeSpool& p = scene_.prototypes()[prototype];
+  for (const std::uint32_t r : p.rows) {
+    if (!is_lifted(r)) continue;
+    const ShapeRow source = view.rows[r];
+    ShapeRow row;
+    row.shape = first_shape + source.shape;
+    scene_.spool().add_moved(view, source, to_world, row);
+  }
+  for (const PrototypeSpool::Nested& n : p.nested)
+    if (n.to_object.moves.empty())
+      lift(view, n.prototype, to_world * n.to_object.fixed, first_shape + n.first_shape);
 }
 
 void SceneSplitter::Work::write_prototypes() {
@@ -196,7 +265,7 @@ void SceneSplitter::Work::write_prototype(std::uint32_t index) {
   PartMaker make = maker();
   SpoolArray<Item> file(scratch_);
   for (const std::uint32_t row : prototype.rows)
-    make.items_of(row, [&](const Item& i) { file.push_back(i); });
+    if (!is_lifted(row)) make.items_of(row, [&](const Item& i) { file.push_back(i); });
   const std::span<Item> items = file.map();
   const bool split = prototype.bytes > kLargePrototype * static_cast<double>(options_.part_size);
   const double room = split ? capacity() : std::numeric_limits<double>::max();
@@ -232,6 +301,7 @@ void SceneSplitter::Work::move_into_world(std::uint32_t index) {
                                  [index](const InstanceRecord& i) { return i.prototype == index; });
   const Spool::View view = scene_.spool().map();
   for (const std::uint32_t r : prototype.rows) {
+    if (is_lifted(r)) continue;
     const ShapeRow source = view.rows[r];
     ShapeRow row;
     row.shape = only->first_shape + source.shape;
@@ -289,15 +359,11 @@ std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
       in_main_[r] = true;
       emissive += rows[r].bytes();
     }
-  // Surfaces that a shadow ray passes: every host finds for itself what media lie along it.
-  const SceneDescription& described = manifest_.scene;
-  if (described.dialect == Dialect::v3 && !described.media.empty())
-    for (std::size_t r = 0; r < rows.size(); ++r)
-      if (rows[r].prototype == kNone && rows[r].material < described.materials.size() &&
-          described.materials[rows[r].material].type == "none") {
-        in_main_[r] = true;
-        interfaces += rows[r].bytes();
-      }
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].prototype == kNone && is_interface(rows[r])) {
+      in_main_[r] = true;
+      interfaces += rows[r].bytes();
+    }
   if (interfaces > kEmissiveBytes)
     warnings_.add({}, "surfaces between participating media take " +
                           std::to_string(static_cast<std::uint64_t>(interfaces) >> 20) + " MiB on every host");

@@ -303,9 +303,37 @@ Entity Parser::read_entity(const Token& directive, bool reads_files) {
                         : ParamReader::SpectrumUse::reflectance);
   }
   e.params = params_.read(lexer(), reads_files);
+  while (read_included_params(e.params, reads_files)) {
+    const ParamSet more = params_.read(lexer(), reads_files);
+    for (const Param& p : more.all()) e.params.add(p);
+  }
   if (use_) count_use(directive.text, e);
   if (is_v4()) complete_v4(directive.text, e);
   return e;
+}
+
+// Before v4 files are included as text, so that one may hold some parameters of a directive (the
+// samples of a density grid, say).
+bool Parser::read_included_params(ParamSet& params, bool reads_files) {
+  if (is_v4() || lexer().peek().kind != Token::Kind::word || lexer().peek().text != "Include")
+    return false;
+  Lexer ahead = lexer();
+  ahead.next();
+  const Token name = ahead.next();
+  if (name.kind != Token::Kind::string) return false;
+  const auto text =
+      SourceText::open(paths_.find(Lexer::unescape(name.text), *lexer().source().name()));
+  if (!text) return false;  // `include` says it
+  Lexer inner(*text);
+  if (inner.peek().kind != Token::Kind::string) return false;
+  const ParamSet included = params_.read(inner, reads_files);
+  for (const Param& p : included.all()) params.add(p);
+  if (const Token& end = inner.peek(); end.kind != Token::Kind::end)
+    throw SceneError(inner.location(end),
+                     "expected nothing but parameters in a file that is included between "
+                     "parameters, found " + Lexer::describe(end));
+  lexer() = ahead;
+  return true;
 }
 
 // What is named has its type among its parameters.

@@ -103,6 +103,7 @@ class Parser {
   DMat4 read_matrix(const Token& directive);
   Entity read_entity(const Token& directive, bool reads_files = true);
   void count_use(std::string_view directive, const Entity& e);
+  bool read_included_params(ParamSet& params, bool reads_files);
   Entity read_option(const Token& directive, bool reads_files);
   // Whether the directive is where pbrt wants it: inside or outside of the world; else warns, and
   // it is ignored.

@@ -58,12 +58,25 @@ void Parser::import_file(const Token& t) {
   if (files_.size() > open) files_.back().imported = true;
 }
 
+// pbrt-v4 wants a name and a value; its users also write them like parameters.
 void Parser::option(const Token& t) {
   const FileLocation where = location(t);
-  const ParamSet given = params_.read(lexer());
-  if (given.empty())
-    throw SceneError(where, "expected an option as \"type name\" and its value");
-  builder_.warn_once(where, "the option \"" + given.all().front().name + "\" is ignored");
+  std::string name;
+  if (lexer().peek().kind == Token::Kind::string &&
+      lexer().peek().text.find(' ') == std::string_view::npos) {
+    name = read_string("the name of an option");
+    const Token value = lexer().next();
+    if (value.kind == Token::Kind::open)
+      lexer().skip_array();
+    else if (value.kind == Token::Kind::end || value.kind == Token::Kind::close)
+      throw SceneError(location(value), "expected the value of the option \"" + name +
+                                            "\", found " + Lexer::describe(value));
+  } else {
+    const ParamSet given = params_.read(lexer());
+    if (given.empty()) throw SceneError(where, "expected an option: its name and its value");
+    name = given.all().front().name;
+  }
+  builder_.warn_once(where, "the option \"" + name + "\" is ignored");
 }
 
 void Parser::complete_v4(std::string_view directive, Entity& e) {

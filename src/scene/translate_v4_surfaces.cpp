@@ -22,10 +22,7 @@ void V4Translator::roughness(Entity& e, float otherwise) const {
   }
   const bool remaps = e.params.boolean("remaproughness", true);
   e.params.take("remaproughness");
-  if (remaps)
-    e.params.add(make_string("roughnessmap", "sqrt", e.location));
-  else
-    e.params.add(make_bool("remaproughness", false, e.location));
+  e.params.add(make_string("roughnessmap", remaps ? "sqrt" : "none", e.location));
 }
 
 // A spectrum of indices becomes one index.

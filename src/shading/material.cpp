@@ -57,8 +57,9 @@ Roughness::Roughness(MaterialInputs& in, const TexturedFloat& u, const TexturedF
     : u_(u),
       v_(v),
       dialect_(in.params.dialect()),
-      root_(in.params.params().string("roughnessmap", "") == "sqrt"),
-      remap_(dialect_ == Dialect::v3 && !root_ && in.params.params().boolean("remaproughness", true)),
+      v4_(in.params.params().has("roughnessmap")),
+      root_(v4_ && in.params.params().string("roughnessmap", "") == "sqrt"),
+      remap_(dialect_ == Dialect::v3 && !v4_ && in.params.params().boolean("remaproughness", true)),
       isotropic_(u.texture == v.texture && (u.texture || u.constant == v.constant)) {
   in.tangents = in.tangents || !isotropic_;
 }

@@ -1,5 +1,6 @@
 #pragma once
 // The materials: each file makes one kind (or a family), and the table in material.cpp names it.
+#include <algorithm>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -105,7 +106,11 @@ class Roughness {
   static Roughness overridden(MaterialInputs& in, float otherwise, V v);
   static Roughness two_axes(MaterialInputs& in, float otherwise);  // "uroughness", "vroughness"
 
-  bool smooth(const TexturePoint& at) const { return u_(at) == 0.f && v_(at) == 0.f; }
+  bool smooth(const TexturePoint& at) const {
+    const float widest = std::max(u_(at), v_(at));
+    return v4_ ? widest < (root_ ? 1e-6f : 1e-3f) : widest == 0.f && u_(at) == v_(at);
+  }
+  bool is_v4() const { return v4_; }
   bsdf::Microfacets operator()(const TexturePoint& at) const;
 
  private:
@@ -113,7 +118,7 @@ class Roughness {
 
   TexturedFloat u_, v_;
   Dialect dialect_;
-  bool root_;  // pbrt-v4's map of a roughness to a width
+  bool v4_, root_;  // root: pbrt-v4's map of a roughness to a width
   bool remap_, isotropic_;
 };
 

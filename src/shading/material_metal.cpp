@@ -27,8 +27,11 @@ class Metal final : public Material {
       eta = Rgb(1.f);
       k = 2.f * glm::sqrt(r) / glm::sqrt(1.f - r);
     }
-    out.add(bsdf::microfacet(Rgb(1.f), roughness_(at),
-                             v2_ ? bsdf::conductor_v2(eta, k) : bsdf::conductor(eta, k)));
+    if (roughness_.is_v4() && roughness_.smooth(at))  // in older pbrts the facets are never quite flat
+      out.add(bsdf::specular_reflection(Rgb(1.f), bsdf::conductor(eta, k)));
+    else
+      out.add(bsdf::microfacet(Rgb(1.f), roughness_(at),
+                               v2_ ? bsdf::conductor_v2(eta, k) : bsdf::conductor(eta, k)));
   }
 
  private:

@@ -25,13 +25,14 @@ ShapeGeometry make_trianglemesh(const ShapeDesc& shape, Dialect dialect, Warning
   const ParamSet& params = shape.params;
   const char* uv_name = params.has("uv") || !params.has("st") ? "uv" : "st";
   const MeshSource source{.shape = shape, .uvs = uv_name};
-  for (const char* name : {"indices", "P"})
-    if (!params.has(name))
-      throw SceneError(shape.location, fmt::format("a trianglemesh needs \"{}\"", name));
-
+  if (!params.has("P")) throw SceneError(shape.location, "a trianglemesh needs \"P\"");
   const BulkArray<float> positions = params.reals("P"), normals = params.reals("N"),
                          uvs = params.reals(uv_name);
-  const BulkArray<std::int32_t> indices = params.integers("indices");
+  const bool one_triangle = positions.size() == 9;  // pbrt-v4: needs no indices
+  if (!params.has("indices") && !one_triangle)
+    throw SceneError(shape.location, "a trianglemesh needs \"indices\"");
+  const BulkArray<std::int32_t> indices =
+      params.has("indices") ? params.integers("indices") : BulkArray<std::int32_t>({0, 1, 2});
   const bool discard_degenerate_uvs = params.boolean("discarddegenerateUVs", false);
   params.reals("S");
   if (positions.size() % 3)
