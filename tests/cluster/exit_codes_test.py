@@ -66,11 +66,12 @@ class ExitCodes(support.ClusterTest):
             shutil.rmtree(split)
 
     def test_what_is_not_supported_is_told(self):
-        path = self.broken('WorldBegin\nLightSource "infinite" "string mapname" "nowhere.exr"\nMaterial "hair"\n'
+        path = self.broken('WorldBegin\nLightSource "infinite" "string mapname" "nowhere.exr"\n'
+                           'Texture "t" "color" "ptex"\nMaterial "matte" "texture Kd" "t"\n'
                            'Shape "sphere"\nLightSource "laser"\nWorldEnd\n')
         for command in (("info", path), ("render", path, "-o", self.folder / "a.exr", *TINY)):
             output = self.expect(0, *command).output
-            for words in (r"material is not supported", r'light "laser" is not supported', r"the map .*nowhere\.exr"):
+            for words in (r"texture is not supported", r'light "laser" is not supported', r"the map .*nowhere\.exr"):
                 self.assertRegex(output, words)
 
     def test_3_for_a_scene_that_is_not_there(self):
