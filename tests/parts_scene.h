@@ -89,8 +89,8 @@ inline SceneDescription description() {
 // Feeds a scene and finishes it.
 class Feeder {
  public:
-  Feeder(const std::string& folder, std::uint64_t part_size)
-      : splitter_(folder, options(part_size), warnings) {}
+  Feeder(const std::string& folder, std::uint64_t part_size, std::uint64_t large_object = 0)
+      : splitter_(folder, options(part_size, large_object), warnings) {}
   void add(ShapeDesc d, ObjectId object = {}) {
     d.object = object;
     splitter_.sink().shape(std::move(d), scene);
@@ -108,9 +108,10 @@ class Feeder {
   SceneDescription scene = description();
 
  private:
-  static SplitOptions options(std::uint64_t part_size) {
+  static SplitOptions options(std::uint64_t part_size, std::uint64_t large_object) {
     SplitOptions o;
     o.part_size = part_size;
+    o.large_object = large_object ? large_object : 4 * part_size;
     return o;
   }
   SceneSplitter splitter_;

@@ -222,6 +222,36 @@ TEST(Split, TheOnlyInstanceOfALargeObjectBecomesTriangles) {
   }
 }
 
+// Copies into the world or into an outer object are rounded, and the bounds are seen by light from infinity.
+TEST(Split, WhatIsCopiedDoesNotFollowThePartSize) {
+  const ObjectId leaf(0), tree(1), lone(2);
+  std::vector<Bounds3> bounds;
+  for (const std::uint64_t part_size : {100 << 10, 64 << 20}) {
+    const TemporaryFolder folder;
+    Feeder feed(folder.path(), part_size, 256 << 20);
+    feed.add(hills(2, {-1, -1, -1}, 0.1f));
+    feed.begin(leaf);
+    feed.add(hills(70, {0, 0, 0}, 1.f), leaf);
+    feed.end(leaf);
+    feed.begin(tree);
+    feed.instance(leaf, glm::rotate(moved(0, 0, 1), 1.f, Vec3(1, 1, 0)));
+    feed.end(tree);
+    feed.instance(tree, glm::rotate(moved(3, 0, 0), 1.f, Vec3(0, 1, 1)));
+    feed.begin(lone);
+    feed.add(hills(70, {0, 0, 0}, 1.f), lone);
+    feed.end(lone);
+    feed.instance(lone, glm::rotate(moved(0, 5, 0), 1.f, Vec3(0, 1, 1)));
+    const Manifest m = feed.finish();
+    std::uint64_t in_the_world = 0;
+    for (std::uint32_t p = 0; p < m.parts.size(); ++p)
+      in_the_world += read_part_file(part_path(folder.path(), p))->triangles.size();
+    EXPECT_EQ(in_the_world, 8u) << part_size;
+    bounds.push_back(m.bounds);
+  }
+  EXPECT_EQ(bounds[0].min, bounds[1].min);
+  EXPECT_EQ(bounds[0].max, bounds[1].max);
+}
+
 TEST(Split, ObjectsInObjectsAreFlattened) {
   const TemporaryFolder folder;
   Feeder feed(folder.path(), 1 << 20);

@@ -93,19 +93,21 @@ void PathTracer::Shader::scatter_in_medium(const MediumSample& at) {
 Rgb PathTracer::Shader::shadow_transmittance(const Vec3& origin, const Vec3& direction, float distance) const {
   const Media& media = *tracer.media_;
   std::uint16_t medium = medium_towards(direction);
-  if (distance >= shadow_length(kInfinity)) distance = std::min(distance, tracer.longest_shadow_);
-  if (!tracer.null_surfaces_) return media.transmittance(medium, {origin, direction, distance});
+  // What media the ray meets; surfaces count farther away, too.
+  float reach = distance >= shadow_length(kInfinity) ? std::min(distance, tracer.longest_shadow_) : distance;
+  if (!tracer.null_surfaces_) return media.transmittance(medium, {origin, direction, reach});
   Rgb passed(1.f);
   Vec3 from = origin;
   for (int crossings = 0; crossings < kMaxCrossings; ++crossings) {
     Hit hit;
     hit.t = distance;
     if (!traceable(from, direction) || !set.intersect(0, {from, distance, direction}, hit))
-      return passed * media.transmittance(medium, {from, direction, distance});
+      return passed * media.transmittance(medium, {from, direction, reach});
     std::uint32_t material, light;
     const SurfacePoint p = surface(from, direction, hit, material, light, false);
     if (!tracer.shading_->is_null(material)) return Rgb(0.f);
-    passed *= media.transmittance(medium, {from, direction, hit.t});
+    passed *= media.transmittance(medium, {from, direction, std::min(hit.t, reach)});
+    reach = std::max(0.f, reach - hit.t);
     const Interface& between = tracer.interfaces_[material];
     if (between.inside != between.outside)
       medium = glm::dot(direction, p.ng) > 0.f ? between.outside : between.inside;

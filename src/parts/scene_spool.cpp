@@ -141,6 +141,8 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
     own.is_shape = true;
     own.shape_count = 1;
     add_row(own, added, row);
+    own.whole_box = row.box;
+    if (owner) owner->whole_box.extend(world_box(*placing, row.box));
     const std::uint32_t outer = owner ? found->second : kNone;
     prototypes_.push_back(std::move(own));  // moves what `owner` points to
     if (outer == kNone)
@@ -149,6 +151,9 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
       prototypes_[outer].nested.push_back({row.prototype, *placing, id});
   } else if (owner) {
     add_row(*owner, added, row);
+    owner->whole_box.extend(row.box);
+  } else {
+    bounds_.extend(row.box);
   }
 }
 
@@ -158,6 +163,8 @@ void SceneSpool::add_instance(const Placing& placing, std::uint32_t prototype, s
     motions_.push_back(m);
   }
   instances_.push_back({placing.fixed, prototype, first_shape});
+  const Bounds3& box = prototypes_[prototype].whole_box;
+  if (!box.empty()) bounds_.extend(world_box(placing, box));
 }
 
 void SceneSpool::instance(const InstanceDesc& instance, const SceneDescription& scene) {
@@ -184,6 +191,7 @@ void SceneSpool::nest(PrototypeSpool& outer, std::uint32_t inner_index,
                       const InstanceDesc& instance, const Placing& to_outer) {
   const PrototypeSpool& inner = prototypes_[inner_index];
   const std::uint32_t first = take_ids(&outer, inner.shape_count, instance.location);
+  if (!inner.whole_box.empty()) outer.whole_box.extend(world_box(to_outer, inner.whole_box));
   if (to_outer.moves.empty() && outer.bytes + inner.bytes <= flatten_bytes_) {
     const Spool::View view = spool_.map();
     for (const std::uint32_t r : inner.rows) {

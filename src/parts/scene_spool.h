@@ -42,6 +42,7 @@ struct PrototypeSpool {
   std::vector<Nested> nested;
   std::uint32_t shape_count = 0;  // local ids given away
   Bounds3 box;                    // of the rows
+  Bounds3 whole_box;              // and of all that is nested or was copied, whichever it was
   double bytes = 0;               // predicted, of the rows
 };
 
@@ -66,6 +67,8 @@ class SceneSpool : public SceneSink {
   // World instances; InstanceRecord::prototype counts in prototypes() here.
   SpoolArray<InstanceRecord>& instances() { return instances_; }
   SpoolArray<MotionRecord>& motions() { return motions_; }  // of the above, in their order
+  // Of all shapes; the same for every split.
+  const Bounds3& bounds() const { return bounds_; }
   const std::vector<AreaLightId>& shape_lights() const { return shape_lights_; }
 
  private:
@@ -86,6 +89,7 @@ class SceneSpool : public SceneSink {
   std::vector<PrototypeSpool> prototypes_;
   std::unordered_map<ObjectId, std::uint32_t> prototype_of_;
   std::vector<AreaLightId> shape_lights_;
+  Bounds3 bounds_;
   std::unordered_map<std::string, std::uint32_t> texture_of_;  // grows with the scene's textures
   std::size_t textures_seen_ = 0;
   ObjectId open_;

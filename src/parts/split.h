@@ -12,6 +12,9 @@ namespace cloudrenderer {
 
 struct SplitOptions {
   std::uint64_t part_size = std::uint64_t{64} << 20;  // predicted loaded bytes of a part
+  // An object of more predicted bytes with one instance becomes shapes of the world. Moving shapes rounds them, so this
+  // may not follow the part size, or the picture would.
+  std::uint64_t large_object = std::uint64_t{256} << 20;
   std::uint64_t memory = std::uint64_t{512} << 20;    // anonymous memory that the split itself may use
   std::optional<Dialect> dialect;
   bool text = false;            // also write the split as pbrt text (main.pbrt, parts/00017.pbrt)

@@ -38,7 +38,7 @@ constexpr double kFill = 0.97;
 constexpr std::uint64_t kFixedBytes = loaded_bytes::kSceneObject + loaded_bytes::bvh_base(kNone);
 // A prototype up to this many parts large is one blob.
 constexpr double kLargePrototype = 4;
-// Objects inside objects are copied up to this size, unless a prototype of that size would be cut.
+// Objects inside objects are copied up to this size, whatever the part size is: copying rounds.
 constexpr double kFlattenBytes = 64 << 20;
 
 std::string scratch_folder(const std::string& out, const SplitOptions& options) {
@@ -89,7 +89,7 @@ class SceneSplitter::Work {
         warnings_(warnings),
         scratch_(scratch_folder(out, options)),
         scene_(scratch_,
-               std::min(kFlattenBytes, kLargePrototype * static_cast<double>(options.part_size)),
+               std::min(kFlattenBytes, static_cast<double>(options.large_object)),
                warnings),
         records_(scratch_),
         motions_(scratch_),
@@ -247,8 +247,7 @@ void SceneSplitter::Work::write_prototypes() {
   std::ranges::stable_partition(order, [&](std::uint32_t p) { return prototypes[p].is_shape; });
   for (const std::uint32_t p : order) {
     if (uses[p] == 0) continue;
-    const bool large =
-        prototypes[p].bytes > kLargePrototype * static_cast<double>(options_.part_size);
+    const bool large = prototypes[p].bytes > static_cast<double>(options_.large_object);
     if (large && uses[p] == 1 && world_uses[p] == 1 && moving[p] == 0)
       move_into_world(p);
     else
@@ -371,9 +370,10 @@ std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
     warnings_.add({}, "shapes that emit light take " +
                           std::to_string(static_cast<std::uint64_t>(emissive) >> 20) +
                           " MiB on every host");
-  manifest_.bounds = instance_box_;
+  manifest_.bounds = scene_.bounds().empty() ? instance_box_ : scene_.bounds();
+  Bounds3 scene = instance_box_;
   for (const ShapeRow& row : rows)
-    if (row.prototype == kNone) manifest_.bounds.extend(row.box);
+    if (row.prototype == kNone) scene.extend(row.box);
 
   // One part holds the rest: large shapes are in nobody's way there, and every ray saves a look at the main scene.
   const PartMaker make = maker();
@@ -383,7 +383,6 @@ std::vector<std::uint32_t> SceneSplitter::Work::choose_main_scene() {
     if (rows[r].prototype == kNone && !in_main_[r]) rest_bytes += rows[r].bytes();
   const bool one_part = rest_bytes <= capacity();
 
-  Bounds3 scene = manifest_.bounds;
   for (bool again = !one_part; again;) {
     Bounds3 rest = instance_box_;
     for (std::size_t r = 0; r < rows.size(); ++r) {
