@@ -59,7 +59,7 @@ void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector
   if (parts.size() < 3) return;
   Warnings unheard;  // the tracer's camera says them
   const auto camera = Camera::build(manifest.scene.camera, frame, manifest.scene.dialect, unheard,
-                                    manifest.scene.film.params.real("diagonal", 35.f));
+                                    film_diagonal(manifest.scene.film));
   const Shutter shutter = shutter_of(manifest.scene.camera);
   const PartMap map(manifest.parts);
   std::vector<Candidate> candidates(map.part_count());

@@ -179,6 +179,8 @@ float field_of_view(const CameraDesc& desc) {
 
 }  // namespace
 
+float film_diagonal(const Entity& film) { return film.params.real("diagonal", 35.f); }
+
 CameraRay8 Camera::one_by_one(const Vec2x8& film, const Vec2x8& lens) const {
   CameraRay8 out;
   for (std::size_t i = 0; i < kLanes; ++i) {
@@ -208,7 +210,6 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
   for (const char* name : {"hither", "yon"}) desc.params.real(name, 0.f);  // clipping planes change nothing
   if (desc.params.real("shutterclose", 1.f) < desc.params.real("shutteropen", 0.f))
     warnings.add(desc.location, "shutterclose is before shutteropen: they are swapped");
-  shutter_of(desc);
 
   std::unique_ptr<Camera> camera;
   if (desc.type == "environment") {

@@ -24,7 +24,7 @@ using CameraRay8 = CameraRayOf<Float8>;
 // at the origin, and they are to be placed().
 class Camera {
  public:
-  // film_diagonal: of the film in millimetres, for lenses. Throws SceneError.
+  // film_diagonal: for lenses. Throws SceneError.
   static std::unique_ptr<Camera> build(const CameraDesc& desc, const FilmFrame& frame,
                                        Dialect dialect, Warnings& warnings,
                                        float film_diagonal = 35.f);
@@ -46,6 +46,8 @@ class Camera {
   std::optional<AnimatedTransform> motion_;  // camera to world
   float scale_ = 1;                          // of lengths, by it
 };
+
+float film_diagonal(const Entity& film);  // of `Film`, in millimetres
 
 // The pixel filter, importance-sampled: every sample counts for its own pixel only.
 class Filter {

@@ -20,7 +20,7 @@ class RealisticCamera final : public Camera {
   CameraRay ray(const Vec2& film, const Vec2& lens) const override {
     // The lens turns the picture around, but a camera's x axis points to the right and raster rows go down.
     const glm::dvec3 start((half_.x - film.x) * pitch_, (film.y - half_.y) * pitch_, 0);
-    const double distance = std::hypot(start.x, start.y);
+    const double distance = std::sqrt(start.x * start.x + start.y * start.y);
     const LensSystem::Pupil& pupil = lens_.pupil(distance);
     const glm::dvec2 at = pupil.min + glm::dvec2(lens) * (pupil.max - pupil.min);
     // The pupil is known for points on the x axis.

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "film/camera.h"
 #include "film/film.h"
 
 namespace cloudrenderer {
@@ -65,7 +66,7 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
   if (v3) {
     out.scale = params.real("scale", 1.f);
     out.max_sample_luminance = params.real("maxsampleluminance", kInfinity);
-    params.real("diagonal", 35.f);  // read by the realistic camera
+    film_diagonal(film);  // the camera reads it
   }
   params.boolean("display", false);
   params.report_unused("Film \"" + film.type + "\"", warnings);

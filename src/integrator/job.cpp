@@ -36,10 +36,6 @@ bool is_same_transport(const std::string& type) {
 
 // `type` is the integrator as given.
 MediaTransport media_transport(const SceneDescription& scene, const std::string& type, Warnings& warnings) {
-  if (const auto& v = scene.volume_integrator) {
-    v->params.real("stepsize", 1.f);  // nothing is stepped through
-    v->params.report_unused("VolumeIntegrator \"" + v->type + "\"", warnings);
-  }
   if (scene.media.empty()) return MediaTransport::none;
   if (scene.dialect == Dialect::v2) {
     if (!scene.volume_integrator) return MediaTransport::emission;
@@ -95,6 +91,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   if (scene.volume_integrator) {
     job.media_step = scene.volume_integrator->params.real("stepsize", 1.f);
     if (!(job.media_step > 0.f)) throw SceneError(scene.volume_integrator->location, "stepsize must be > 0, got " + std::to_string(job.media_step));
+    scene.volume_integrator->params.report_unused("VolumeIntegrator \"" + scene.volume_integrator->type + "\"", warnings);
   }
   if (type == "volpath" || type == "dipolesubsurface") type = "path";
   if (is_same_transport(type)) {

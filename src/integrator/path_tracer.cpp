@@ -90,7 +90,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   fixed_units_ = fixed_units(job.k);
   hittable_lights_ = lights_->has_infinite() || !manifest.shape_lights.empty();
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings,
-                          manifest.scene.film.params.real("diagonal", 35.f));
+                          film_diagonal(manifest.scene.film));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
   if (job.media != MediaTransport::none) build_media(manifest.scene, main_part, warnings);
   if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);

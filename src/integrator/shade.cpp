@@ -58,7 +58,7 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
       for (int i = 0; i < 3; ++i) tri.uv[static_cast<std::size_t>(i)] = part.uvs[c.first_uv + index[i] - c.first_vertex];
     }
     p = triangle_point(tri, c.flip != 0, tracer.dialect_, hit.u, hit.v, derivatives);
-  } else if (hit.geometry == 2) {
+  } else if (hit.geometry == kCurveHit) {
     const CurveGroup& g = part.curves.group_of(hit.index);
     material = g.material;
     light = g.light;
@@ -289,19 +289,15 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     interface_ng = p.ng;
   }
   if (tracer.shading_->is_null(material)) {
-    if (tracer.null_surfaces_ && hit.part == 0) {
-      if (++s.passed > kMaxPassed) return end();
-      s.cone_width += s.flags & kSpecularBounce ? s.cone_spread * hit.t : -hit.t;
-      PathSegment& passed = next();
-      passed.origin = ray_start(p.p, offset, p.ng, s.direction);
-      passed.medium = medium_towards(s.direction);
-      return;
+    // The surface is passed through. Where shadow rays do not pass it, light that a scattered ray finds behind it does
+    // not count, as in pbrt's `path` (the two must agree): a density of 0 has no weight.
+    const bool shadows_pass = tracer.null_surfaces_ && hit.part == 0;
+    if (!shadows_pass) {
+      s.previous_pdf = 0;
+      if (s.flags & kLastRay) return end();
     }
-    // The surface is passed through. As in pbrt's `path`, light that a scattered ray finds behind it does not count
-    // (shadow rays are blocked by it, and the two must agree): a density of 0 has no weight.
-    s.previous_pdf = 0;
-    if (s.flags & kLastRay || ++s.passed > kMaxPassed) return end();
-    s.cone_width += s.cone_spread * hit.t;
+    if (++s.passed > kMaxPassed) return end();
+    s.cone_width += shadows_pass && !(s.flags & kSpecularBounce) ? -hit.t : s.cone_spread * hit.t;
     PathSegment& behind = next();
     behind.origin = ray_start(p.p, offset, p.ng, s.direction);
     behind.medium = medium_towards(s.direction);

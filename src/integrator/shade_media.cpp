@@ -98,10 +98,11 @@ Rgb PathTracer::Shader::shadow_transmittance(const Vec3& origin, const Vec3& dir
   if (!tracer.null_surfaces_) return media.transmittance(medium, {origin, direction, reach});
   Rgb passed(1.f);
   Vec3 from = origin;
+  const float time = tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f;
   for (int crossings = 0; crossings < kMaxCrossings; ++crossings) {
     Hit hit;
     hit.t = distance;
-    if (!traceable(from, direction) || !set.intersect(0, {from, distance, direction}, hit))
+    if (!traceable(from, direction) || !set.intersect(0, {from, distance, direction, time}, hit))
       return passed * media.transmittance(medium, {from, direction, reach});
     std::uint32_t material, light;
     const SurfacePoint p = surface(from, direction, hit, material, light, false);

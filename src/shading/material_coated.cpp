@@ -1,14 +1,8 @@
 #include "shading/material_kinds.h"
+#include "shading/subsurface.h"
 
 namespace cloudrenderer {
 namespace {
-
-// Share of diffuse light that the inside of a smooth dielectric's surface reflects (Egan and Hilgeman
-// 1973, a fit for indices up to 2.2).
-float internal_reflectance(float eta) {
-  const float inverse = 1.f / eta;
-  return std::clamp((-1.4399f * inverse + 0.7099f) * inverse + 0.6681f + 0.0636f * eta, 0.f, 1.f);
-}
 
 // pbrt-v4's coated diffuse surface: a dielectric coat over a diffuse base. v4 walks through the
 // layers; here the light between them is a geometric series of diffuse light (Saunderson 1942), which is
@@ -21,7 +15,7 @@ class CoatedDiffuse final : public Material {
         roughness_(Roughness::two_axes(in, 0.f)) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const Rgb base = glm::clamp(reflectance_(at), 0.f, 1.f);
-    const float eta = std::clamp(eta_(at), 1.f, 2.2f), internal = internal_reflectance(eta);
+    const float eta = std::clamp(eta_(at), 1.f, 10.f), internal = 1.f - bsdf::diffuse_transmittance(1.f / eta);
     // Refraction spreads what enters over the whole hemisphere: eta^2 (Mitsuba 0.5's "plastic" has the same form).
     const Rgb diffuse = base / (eta * eta * (1.f - base * internal));
     if (!is_black(diffuse)) out.add(bsdf::coated_lambert(diffuse, eta));

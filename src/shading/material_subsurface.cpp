@@ -102,15 +102,15 @@ class ByCoefficients final : public SubsurfaceMaterial {
 // By the colour that a half-space of the medium would have, and a length.
 class ByColor final : public SubsurfaceMaterial {
  public:
-  ByColor(MaterialInputs& in, const char* color, const char* length)
+  explicit ByColor(MaterialInputs& in)
       : SubsurfaceMaterial(in),
         v2_(in.params.dialect() == Dialect::v2),
         albedo_(boundary_.constant_index(), boundary_.constant_index()),
-        color_(in.params.rgb(color, Rgb(v2_ || std::string_view(color) == "Kd" ? 0.5f : 1.f))) {
+        color_(in.params.rgb("Kd", Rgb(0.5f))) {
     if (v2_)
-      free_path_ = in.params.real(length, 1.f);
+      free_path_ = in.params.real("meanfreepath", 1.f);
     else
-      mfp_ = in.params.rgb(length, Rgb(1.f));
+      mfp_ = in.params.rgb("mfp", Rgb(1.f));
   }
 
  private:
@@ -137,13 +137,11 @@ class ByColor final : public SubsurfaceMaterial {
 }  // namespace
 
 std::unique_ptr<Material> make_subsurface(MaterialInputs& in) {
-  // pbrt-v4's other way of saying it.
-  if (in.params.params().has("reflectance")) return std::make_unique<ByColor>(in, "reflectance", "mfp");
   return std::make_unique<ByCoefficients>(in);
 }
 
 std::unique_ptr<Material> make_kdsubsurface(MaterialInputs& in) {
-  return std::make_unique<ByColor>(in, "Kd", in.params.dialect() == Dialect::v2 ? "meanfreepath" : "mfp");
+  return std::make_unique<ByColor>(in);
 }
 
 }  // namespace cloudrenderer

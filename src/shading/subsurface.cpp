@@ -165,15 +165,21 @@ float HalfSpaceAlbedo::single_scattering(float reflectance) const {
   return static_cast<float>(1 - root * root);
 }
 
+float bsdf::diffuse_transmittance(float eta) {
+  static const std::vector<GaussNode> nodes = gauss_legendre(2 * kNodes);  // walks ask at every exit
+  // Radiance over the index squared is conserved both ways; from the dense side the integrand has a kink.
+  if (eta < 1.f) return eta * eta * diffuse_transmittance(1.f / eta);
+  double passed = 0;
+  for (const GaussNode& n : nodes) passed += 2 * n.x * n.weight * (1 - reflected_share(n.x, static_cast<double>(eta)));
+  return static_cast<float>(passed);
+}
+
 Lobe bsdf::diffuse_exit(float eta) {
   Lobe l = lambert(Rgb(1.f));
   l.kind = LobeKind::diffuse_exit;
-  const double index = eta > 1e-4f && eta < 1e4f ? static_cast<double>(eta) : 1.0;
-  l.eta = {static_cast<float>(index), static_cast<float>(1 / index), 0.f};
-  // What Fresnel's formulas let through of even light from one side.
-  double passed = 0;
-  for (const GaussNode& n : gauss_legendre(2 * kNodes)) passed += 2 * n.x * n.weight * (1 - reflected_share(n.x, index));
-  l.scale = Rgb(static_cast<float>(1 / passed));
+  const float index = eta > 1e-4f && eta < 1e4f ? eta : 1.f;
+  l.eta = {index, 1.f / index, 0.f};
+  l.scale = Rgb(1.f / diffuse_transmittance(index));
   return l;
 }
 

@@ -50,6 +50,8 @@ class HalfSpaceAlbedo {
 };
 
 namespace bsdf {
+// Share of even light from one side that a smooth dielectric lets through; eta: index beyond over that on the light's side.
+float diffuse_transmittance(float eta);
 // Light that leaves a medium after it was scattered in it: as if it came evenly from all sides below the boundary
 // (pbrt-v3's and others' assumption; Pharr, Jakob and Humphreys, "Physically Based Rendering", 3rd ed., section 11.4.1).
 // Reflects as much as arrives: what the boundary keeps inside is the walk's affair.

@@ -16,13 +16,13 @@ struct Hit {
   float u = 0, v = 0;                    // Embree's barycentrics: p = (1-u-v) a + u b + v c; of curves CurveHit's
   std::uint32_t part = 0xffffffffu;      // none: nothing hit here (t, shape, primitive may be another host's hit)
   std::uint32_t instance = 0xffffffffu;  // index into the part's instances
-  std::uint32_t geometry = 0;            // 0 triangles, 1 quadrics, 2 curves, kBrickHit
+  std::uint32_t geometry = 0;            // 0 triangles, 1 quadrics, kCurveHit, kBrickHit
   std::uint32_t index = 0;               // triangle, quadric or curve segment in the part, or in the prototype of the instance
   std::uint32_t shape = 0xffffffffu;
   std::uint32_t primitive = 0xffffffffu;
 };
 
-inline constexpr std::uint32_t kBrickHit = 3;
+inline constexpr std::uint32_t kCurveHit = 2, kBrickHit = 3;
 
 // What a ray must know to collide with bricks of density grids.
 struct BrickRay {

@@ -10,7 +10,7 @@ namespace cloudrenderer {
 
 // Geometry numbers in every scene: triangles, quadrics, curves, then one for each instance, one more for those that move,
 // and the bricks.
-inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = 2, kFirstInstance = 3;
+inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = kCurveHit, kFirstInstance = 3;
 
 class LoadedPart {
  public:
