@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs what building and testing need: Debian 12 or later packages, as root. Quiet; does nothing when all is there.
+# setup.sh [--build-only]: installs what building and testing need: Debian 12 or later packages, as root. Quiet; does
+# nothing when all is there.
 set -euo pipefail
 
 packages=(
@@ -8,8 +9,11 @@ packages=(
   uuid-dev libasio-dev libprotobuf-dev protobuf-compiler libssl-dev openssl
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
   zlib1g-dev liblz4-dev libzstd-dev libxxhash-dev libboost-dev
+  libcpp-httplib-dev prometheus-cpp-dev
+)
+[[ ${1:-} == --build-only ]] || packages+=(
   libgtest-dev libbenchmark-dev
-  python3 python3-numpy python3-openimageio iproute2
+  python3 python3-numpy python3-openimageio python3-venv iproute2 chromium
 )
 
 missing=()

@@ -18,6 +18,7 @@ struct RenderOptions {  // render and manager
   RenderRequest request;
   std::string output;  // "": from the scene
   std::string reference, report, token_file;
+  std::optional<Address> web, display;
   bool quiet = false;
   std::vector<std::string> command_line;
   LogOptions log;

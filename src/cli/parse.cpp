@@ -45,7 +45,7 @@ std::uint64_t size_option(const std::string& option, const std::string& text) {
 struct Texts {
   std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop,
       dialect, hosts, threads, min_hosts, replication, lost_after, wait, listen, advertise, manager,
-      alpha, max_relmse, parent, tls;
+      alpha, max_relmse, parent, tls, web, display;
 };
 
 void add_log(CLI::App& app, LogOptions& log) {
@@ -90,6 +90,8 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
                  "pbrt's name of the integrator to use instead of the scene's");
   app.add_option("--alpha", t.alpha,
                  "weight of a host's load against the number of hosts, when work is sent");
+  app.add_option("--web", t.web, "ADDR:PORT for a page that shows the render, /metrics for Prometheus, and an API");
+  app.add_option("--display", t.display, "HOST:PORT of the viewer tev, which shows the picture as it grows");
   app.add_flag("--quiet", o.quiet, "no progress");
   app.add_flag("--allow-inexact", o.request.allow_inexact, "take hosts whose arithmetic differs");
   add_split(app, t);
@@ -134,6 +136,8 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   if (!t.max_time.empty()) r.max_time_s = at_least<double>("--max-time", t.max_time, 0);
   if (!t.alpha.empty()) r.alpha = at_least<float>("--alpha", t.alpha, 0);
   r.log_level = o.log.level;
+  if (!t.web.empty()) o.web = Address::parse(t.web);
+  if (!t.display.empty()) o.display = Address::parse(t.display);
 }
 
 void add_tls(CLI::App& app, Texts& t) {

@@ -8,6 +8,8 @@
 #include "cli/report.h"
 #include "cli/size.h"
 #include "net/handshake.h"
+#include "web/display.h"
+#include "web/window.h"
 
 namespace cloudrenderer {
 namespace {
@@ -93,7 +95,7 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   }
   if (!o.report.empty()) check_writable(o.report, "the report");
 
-  ProgressDisplay display(stderr, o.quiet);
+  ProgressDisplay progress(stderr, o.quiet);
   RenderObserver observer;
   std::string output;
   observer.scene_ready = [&](const SceneFacts& facts) {
@@ -109,9 +111,24 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
     fmt::print("listening on {}\n", address.to_string());
     std::fflush(stdout);
   };
-  observer.progress = [&](const RenderProgress& p) { display.show(p); };
+  observer.progress = [&](const RenderProgress& p) { progress.show(p); };
+  std::optional<Window> window;
+  if (o.web) {
+    const std::string token = request.listen ? request.token : read_token("");
+    window.emplace(WindowOptions{*o.web, token, request.tls, fs::path(request.scene).filename().string()},
+                   [&] { interrupts.raise(); });
+    fmt::print("{} shows the render\n", window->url());
+    std::fflush(stdout);
+  }
+  std::optional<Display> viewer;
+  if (o.display) viewer.emplace(*o.display, fs::path(request.scene).filename().string());
+  if (window || viewer)
+    observer.look = [&](const RenderView& view) {
+      if (window) window->look(view);
+      if (viewer) viewer->look(view);
+    };
   const RenderOutcome outcome = render(request, observer, interrupts);
-  display.finish();
+  progress.finish();
 
   const Image image = outcome.film->image(outcome.facts.settings.film.scale);
   try {

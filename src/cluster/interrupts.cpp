@@ -53,6 +53,8 @@ void Interrupts::set_handler(std::function<void()> handler) {
   if (seen_ && handler_) handler_();
 }
 
+void Interrupts::raise() { pthread_kill(thread_.native_handle(), SIGINT); }
+
 bool Interrupts::seen() const {
   const std::lock_guard lock(mutex_);
   return seen_;

@@ -18,6 +18,8 @@ class Interrupts {
   // Null: signals are only remembered. A signal that came before is delivered at once.
   void set_handler(std::function<void()> handler);
   bool seen() const;
+  // As if the user had pressed Ctrl-C. Any thread.
+  void raise();
 
  private:
   void wait();

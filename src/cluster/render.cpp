@@ -303,21 +303,31 @@ class RenderRun {
       manager_->drain();
       if (shut_) return;
     }
-    if (rendering && observer_.progress && now > estimated_at_ + kEstimateEvery) {
+    if (rendering && (observer_.progress || observer_.look) && now > estimated_at_ + kEstimateEvery) {
       estimate_ = core.film().estimated_relmse(facts_.settings.film.scale);
       estimated_at_ = now;
     }
-    if (!observer_.progress) return;
+    const RenderProgress out = progress();
+    if (observer_.progress) observer_.progress(out);
+    if (observer_.look) observer_.look({core, facts_, out});
+  }
+
+  RenderProgress progress() const {
+    const ManagerCore& core = manager_->core();
+    const ManagerCore::Progress p = core.progress();
     RenderProgress out;
     out.phase = core.phase();
-    out.elapsed_s = now;
-    out.render_s = rendering ? now - p.render_began : 0;
+    out.elapsed_s = clock_.now();
+    if (out.phase == ManagerCore::Phase::rendering)
+      out.render_s = out.elapsed_s - p.render_began;
+    else if (core.finished())
+      out.render_s = std::max(0.0, p.render_ended - p.render_began);
     out.paths_done = p.paths_done;
     out.paths_total = p.paths_total;
     out.paths_restored = p.paths_restored;
     out.hosts = p.hosts;
     out.estimated_relmse = estimate_;
-    observer_.progress(out);
+    return out;
   }
 
   RenderOutcome finish() {
@@ -325,6 +335,7 @@ class RenderRun {
     const ManagerCore::Progress p = core.progress();
     RenderOutcome out;
     keep(core, out);
+    if (observer_.look) observer_.look({core, facts_, progress()});
     out.facts = std::move(facts_);
     out.spp_done = core.complete_samples();
     out.hosts = core.hosts();

@@ -62,12 +62,20 @@ struct ConvergencePoint {
   std::optional<double> relmse;
 };
 
+// What there is to look at while a render runs. Valid during the call only.
+struct RenderView {
+  const ManagerCore& core;
+  const SceneFacts& facts;
+  const RenderProgress& progress;
+};
+
 struct RenderObserver {
   std::function<void(const SceneFacts&)> scene_ready;
   // After scene_ready: the file of the checkpoint when the request names none.
   std::function<std::string()> default_checkpoint;
   std::function<void(const Address&)> listening;
   std::function<void(const RenderProgress&)> progress;  // a few times a second
+  std::function<void(const RenderView&)> look;          // likewise, and once more at the end
 };
 
 struct RenderOutcome {

@@ -31,17 +31,18 @@ void PixelSums::merge(const PixelSums& other) {
   }
 }
 
-Image Film::image(float scale) const {
-  Image out{frame_.crop_width(), frame_.crop_height(), std::vector<Rgb>(sums_.size(), Rgb(0.f))};
+Rgb Film::colour(const PixelSums& s, float scale) const {
   const double unit = fixed_units(-k_) * static_cast<double>(scale);
-  for (std::size_t p = 0; p < sums_.size(); ++p) {
-    const PixelSums& s = sums_[p];
-    const std::uint32_t n = s.count[0] + s.count[1];
-    if (n == 0) continue;
-    for (std::size_t i = 0; i < 3; ++i)
-      out.pixels[p][static_cast<int>(i)] =
-          static_cast<float>(mean(s.sum[0][i] + s.sum[1][i], n, unit));
-  }
+  const std::uint32_t n = s.count[0] + s.count[1];
+  Rgb c(0.f);
+  for (std::size_t i = 0; n && i < 3; ++i)
+    c[static_cast<int>(i)] = static_cast<float>(mean(s.sum[0][i] + s.sum[1][i], n, unit));
+  return c;
+}
+
+Image Film::image(float scale) const {
+  Image out{frame_.crop_width(), frame_.crop_height(), std::vector<Rgb>(sums_.size())};
+  for (std::size_t p = 0; p < sums_.size(); ++p) out.pixels[p] = colour(sums_[p], scale);
   return out;
 }
 

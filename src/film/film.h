@@ -82,6 +82,8 @@ class Film {
   }
   std::span<PixelSums> sums() { return sums_; }
   std::span<const PixelSums> sums() const { return sums_; }
+  // Of one pixel, as in image().
+  Rgb colour(const PixelSums& pixel, float scale) const;
   Image image(float scale) const;  // sum / count * scale, rounded once; black where count is 0
   // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (m^2 + 0.01), a and
   // b the means of the two halves, m the median of the pixel's and its four neighbours' means, or

@@ -1,9 +1,6 @@
 #include "net/tls.h"
 
-#include <openssl/evp.h>
-#include <openssl/rand.h>
 #include <openssl/ssl.h>
-#include <openssl/x509.h>
 
 #include <algorithm>
 #include <array>
@@ -15,6 +12,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "net/own_certificate.h"
 
 namespace cloudrenderer {
 namespace {
@@ -27,44 +25,6 @@ constexpr std::array<unsigned char, 7> kRefusal{0x15, 0x03, 0x03, 0x00, 0x02, 0x
 constexpr std::size_t kRecordBytes = 16384;                         // of a record at most
 constexpr std::string_view kExporter = "EXPORTER-Channel-Binding";  // RFC 9266
 constexpr std::size_t kBindingBytes = 32;
-constexpr long kSecondsPerDay = 86400, kDaysValid = 3650;
-
-template <auto release>
-struct Release {
-  template <class T>
-  void operator()(T* t) const {
-    release(t);
-  }
-};
-using Key = std::unique_ptr<EVP_PKEY, Release<EVP_PKEY_free>>;
-using Certificate = std::unique_ptr<X509, Release<X509_free>>;
-
-void require(bool good) {
-  if (!good) throw std::runtime_error("OpenSSL cannot make a certificate");
-}
-
-// A certificate that ends with this process: a P-256 key, signed by itself.
-void use_own_certificate(SSL_CTX* context) {
-  const Key key(EVP_EC_gen("P-256"));
-  const Certificate certificate(X509_new());
-  require(key && certificate);
-  X509* c = certificate.get();
-  std::int32_t serial = 0;
-  require(RAND_bytes(reinterpret_cast<unsigned char*>(&serial), sizeof serial) == 1);
-  require(X509_set_version(c, X509_VERSION_3) == 1);
-  require(ASN1_INTEGER_set(X509_get_serialNumber(c), (serial & 0x7fffffff) | 1) == 1);
-  // Clocks of hosts differ, and renders may be long.
-  require(X509_gmtime_adj(X509_getm_notBefore(c), -kSecondsPerDay) != nullptr);
-  require(X509_gmtime_adj(X509_getm_notAfter(c), kDaysValid * kSecondsPerDay) != nullptr);
-  X509_NAME* name = X509_get_subject_name(c);
-  require(X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_ASC,
-                                     reinterpret_cast<const unsigned char*>("cloudrenderer"), -1,
-                                     -1, 0) == 1);
-  require(X509_set_issuer_name(c, name) == 1 && X509_set_pubkey(c, key.get()) == 1);
-  require(X509_sign(c, key.get(), EVP_sha256()) != 0);
-  require(SSL_CTX_use_certificate(context, c) == 1 &&
-          SSL_CTX_use_PrivateKey(context, key.get()) == 1);
-}
 
 bool on_loopback(const asio::ip::address& a) {
   if (a.is_loopback()) return true;
@@ -193,7 +153,8 @@ Tls::Tls(const TlsOptions& o) : mode_(o.mode) {
       c, "TLS_AES_128_GCM_SHA256:TLS_CHACHA20_POLY1305_SHA256:TLS_AES_256_GCM_SHA384");
   context_->set_verify_mode(asio::ssl::verify_none);
   if (o.certificate.empty()) {
-    use_own_certificate(c);
+    const OwnCertificate own;
+    own.use(c);
     return;
   }
   std::error_code error;

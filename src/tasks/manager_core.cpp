@@ -139,6 +139,12 @@ void ManagerCore::new_map(bool generation, const Plan* with_drops) {
     if (h.mapped) send(id, map);
 }
 
+std::vector<PartId> ManagerCore::held_by(HostId host) const {
+  const auto h = hosts_.find(host);
+  if (h == hosts_.end()) return {};
+  return {h->second.holds.begin(), h->second.holds.end()};
+}
+
 void ManagerCore::send_host_list() {
   wire::HostList list;
   for (const auto& [id, h] : hosts_)

@@ -109,6 +109,8 @@ class ManagerCore {
   // progress() has for the whole film; none: nothing yet.
   std::size_t tiles() const { return covered_.size(); }
   std::optional<TileSums> tile_sums(std::size_t tile) const;
+  RendererRange tile_range(std::size_t tile) const;            // its pixels, without samples
+  std::uint64_t tile_samples(std::size_t tile) const;          // of each of its pixels, in the film
   std::uint32_t tile_size() const { return covered_.empty() ? 0 : tile_; }
   std::optional<std::uint64_t> fingerprint() const { return fingerprint_; }
 
@@ -124,6 +126,8 @@ class ManagerCore {
     double paths_done = 0;
   };
   const std::map<HostId, HostReport>& hosts() const { return reports_; }
+  // The parts that a host has reported; none of one that has gone.
+  std::vector<PartId> held_by(HostId host) const;
   struct Progress {
     std::uint64_t paths_done = 0, paths_total = 0;
     std::uint64_t paths_restored = 0;  // of those done: by an earlier run
@@ -228,7 +232,6 @@ class ManagerCore {
   void take_back(std::map<std::uint32_t, Outstanding>::iterator o);
   void merge(const Outstanding& o, wire::RendererReply& r);
   void set_tile(std::uint32_t tile);
-  RendererRange tile_range(std::size_t tile) const;
   void cover(std::size_t tile, SampleRange samples);
   void advance_cursor();
   std::uint32_t rounds() const {

@@ -51,7 +51,6 @@ void ManagerCore::set_tile(std::uint32_t tile) {
   covered_.assign(std::size_t{tiles_x_} * tiles_y_, {});
 }
 
-// Without samples.
 RendererRange ManagerCore::tile_range(std::size_t tile) const {
   const FilmFrame& f = job_.frame;
   RendererRange r;
@@ -60,6 +59,12 @@ RendererRange ManagerCore::tile_range(std::size_t tile) const {
   r.x1 = std::min(f.x1, r.x0 + tile_);
   r.y1 = std::min(f.y1, r.y0 + tile_);
   return r;
+}
+
+std::uint64_t ManagerCore::tile_samples(std::size_t tile) const {
+  std::uint64_t n = 0;
+  for (const SampleRange& r : covered_[tile].ranges()) n += r.end - r.begin;
+  return n;
 }
 
 // The samples of a tile are in the film.

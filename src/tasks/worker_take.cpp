@@ -392,6 +392,7 @@ wire::Status WorkerCore::status() const {
   s.set_epoch(map_.epoch());
   s.set_generation(map_.generation());
   s.set_idle(idle() && drained_);
+  s.mutable_tasks_in_state()->Assign(in_state_.begin(), in_state_.end() - 1);  // none stays in `end`
   wire::Counters& c = *s.mutable_counters();
   c = counters_;
   c.set_dropped_messages(dropped_);

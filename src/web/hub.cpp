@@ -1,0 +1,106 @@
+#include "web/hub.h"
+
+#include <nlohmann/json.hpp>
+
+namespace cloudrenderer {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr auto kBeat = 250ms;     // between frames of a viewer
+constexpr auto kViewEvery = 1s;   // between views of the job
+constexpr auto kGoodbye = 900ms;  // for what viewers have not got yet when the job ends
+constexpr std::size_t kTileBytes = 4;  // a pixel
+
+void append_frame(std::string& to, char kind, const std::string& body) {
+  const auto n = static_cast<std::uint32_t>(body.size() + 1);
+  for (int byte = 0; byte < 4; ++byte) to.push_back(static_cast<char>(n >> (8 * byte) & 0xffu));
+  to.push_back(kind);
+  to += body;
+}
+
+}  // namespace
+
+void Hub::look(const RenderView& view, Time now) {
+  std::size_t viewers = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    viewers = viewers_;
+  }
+  const float scale = view.facts.settings.film.scale;
+  const bool ended = view.core.finished();
+  if (viewers > 0 || ended) {
+    // As much as can be sent by the next look; at the end all that is left, for those who wait for it.
+    const std::uint64_t pixels = ended ? view.core.film().frame().pixels()
+                                       : static_cast<std::uint64_t>(kBytesPerSecond / kTileBytes / 4);
+    std::vector<std::pair<std::size_t, std::string>> encoded;
+    if (viewers > 0)
+      for (const std::size_t tile : watch_.choose(view.core, pixels))
+        encoded.emplace_back(tile, TileBoard::encode(view.core, tile, scale));
+    const std::lock_guard lock(mutex_);
+    for (auto& [tile, bytes] : encoded) board_.put(tile, std::move(bytes));
+  }
+  if (job_ && now < viewed_ + kViewEvery && !ended) return;
+  viewed_ = now;
+  auto job = std::make_shared<JobView>(job_view(scene_, view));
+  const CostPoint point = cost_point(*job);
+  if (view.progress.estimated_relmse && (history_.empty() || history_.back().estimated_relmse != point.estimated_relmse))
+    add_point(history_, point);
+  job->history = history_;
+  const std::lock_guard lock(mutex_);
+  job_ = std::move(job);
+  changed_.notify_all();
+}
+
+void Hub::close() {
+  std::unique_lock lock(mutex_);
+  closed_ = true;
+  changed_.notify_all();
+  changed_.wait_for(lock, kGoodbye, [&] { return viewers_ == 0; });
+}
+
+std::shared_ptr<const JobView> Hub::job() const {
+  const std::lock_guard lock(mutex_);
+  return job_;
+}
+
+std::shared_ptr<Hub::Viewer> Hub::join() {
+  const std::lock_guard lock(mutex_);
+  if (viewers_ >= kMaxViewers || closed_) return nullptr;
+  ++viewers_;
+  return std::make_shared<Viewer>(*this);
+}
+
+Hub::Viewer::~Viewer() {
+  const std::lock_guard lock(hub_.mutex_);
+  --hub_.viewers_;
+  hub_.changed_.notify_all();
+}
+
+std::optional<std::string> Hub::Viewer::next() {
+  std::shared_ptr<const JobView> job;
+  std::vector<TileBoard::Bytes> tiles;
+  bool last = false;
+  {
+    std::unique_lock lock(hub_.mutex_);
+    hub_.changed_.wait_until(lock, due_, [&] { return hub_.closed_; });
+    const Time now = std::chrono::steady_clock::now();
+    due_ = now + kBeat;
+    last = hub_.closed_;
+    const std::size_t budget = kBytesPerSecond / 4 / std::max<std::size_t>(1, hub_.viewers_);
+    tiles = hub_.board_.next(tiles_, last ? std::string::npos : budget);
+    if (hub_.job_ != job_ && (now >= job_due_ || last)) job = hub_.job_;
+  }
+  std::string out;
+  if (job) {
+    job_ = job;
+    const std::string text = to_json(*job).dump();
+    // A job of a thousand hosts is long to tell: at most a fifth of the time goes to it.
+    job_due_ = due_ + std::chrono::microseconds(5 * text.size() * 1'000'000 / kBytesPerSecond);
+    append_frame(out, 1, text);
+  }
+  for (const TileBoard::Bytes& t : tiles) append_frame(out, 2, *t);
+  if (last && out.empty()) return std::nullopt;
+  return out;
+}
+
+}  // namespace cloudrenderer

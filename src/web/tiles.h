@@ -1,0 +1,55 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tasks/manager_core.h"
+
+namespace cloudrenderer {
+
+// A colour in 32 bits: three mantissas of 9 bits (red lowest) and a common exponent of 5 bits above them, as in OpenGL's
+// EXT_texture_shared_exponent: 2^-24 to 65408, negative numbers and NaN as 0.
+std::uint32_t pack_rgb9e5(const Rgb& c);
+Rgb unpack_rgb9e5(std::uint32_t bits);
+
+// Looks which tiles of a growing picture are worth sending. A value of the render's thread.
+class TileWatch {
+ public:
+  // Tiles that have new samples, the most changed first (by the ratio of samples to those of the last time; a tile that
+  // was never chosen before all others), of at most `pixels` pixels together, but one at least; they count as chosen.
+  std::vector<std::size_t> choose(const ManagerCore& core, std::uint64_t pixels);
+
+ private:
+  std::vector<std::uint64_t> chosen_;  // samples when chosen last
+};
+
+// The pixels of a tile, row by row, black where there is no sample yet.
+std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile, float scale);
+
+// The tiles as viewers get them, the last state of each. Not thread-safe.
+class TileBoard {
+ public:
+  // x, y, width, height (pixels, from the crop window's corner), samples: 32 bits each, little-endian; then the pixels
+  // as pack_rgb9e5 gives them.
+  using Bytes = std::shared_ptr<const std::string>;
+  static std::string encode(const ManagerCore& core, std::size_t tile, float scale);
+
+  void put(std::size_t tile, std::string bytes);
+  // What a viewer has seen.
+  struct Viewer {
+    std::vector<std::uint64_t> versions;
+  };
+  // What it should see next, the oldest news first, of at most `budget` bytes, but one at least.
+  std::vector<Bytes> next(Viewer& viewer, std::size_t budget) const;
+
+ private:
+  struct Entry {
+    Bytes bytes;
+    std::uint64_t version = 0;
+  };
+  std::vector<Entry> tiles_;
+  std::uint64_t version_ = 0;
+};
+
+}  // namespace cloudrenderer

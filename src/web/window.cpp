@@ -1,0 +1,178 @@
+#include "web/window.h"
+
+#include <httplib.h>
+#include <openssl/crypto.h>
+#include <openssl/ssl.h>
+
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "base/error.h"
+#include "base/log.h"
+#include "net/own_certificate.h"
+#include "web/hub.h"
+#include "web/page.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr std::size_t kThreads = Hub::kMaxViewers + 4;
+constexpr std::size_t kLargestRequest = 64 * 1024;
+// What keeps other pages of the viewer's browser from asking in their name: they cannot set it.
+constexpr const char* kOwnHeader = "X-Cloudrenderer";
+
+bool same(const std::string& a, const std::string& b) {
+  return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
+}
+
+// The host of a Host header, without its port.
+std::string host_of(const std::string& header) {
+  const std::size_t bracket = header.find(']');
+  if (!header.empty() && header.front() == '[') return header.substr(1, bracket == std::string::npos ? bracket : bracket - 1);
+  return header.substr(0, header.find(':'));
+}
+
+void answer_json(httplib::Response& response, const nlohmann::ordered_json& json) {
+  response.set_content(json.dump(), "application/json");
+}
+
+void refuse(httplib::Response& response, int status, const std::string& why) {
+  response.status = status;
+  answer_json(response, {{"error", why}});
+}
+
+std::unique_ptr<httplib::Server> make_server(const WindowOptions& o, bool encrypted) {
+  if (!encrypted) return std::make_unique<httplib::Server>();
+  return std::make_unique<httplib::SSLServer>([&](SSL_CTX& context) {
+    SSL_CTX_set_min_proto_version(&context, TLS1_2_VERSION);
+    if (o.tls.certificate.empty()) {
+      const OwnCertificate own;
+      own.use(&context);
+      return true;
+    }
+    return SSL_CTX_use_certificate_chain_file(&context, o.tls.certificate.c_str()) == 1 &&
+           SSL_CTX_use_PrivateKey_file(&context, o.tls.key.c_str(), SSL_FILETYPE_PEM) == 1;
+  });
+}
+
+}  // namespace
+
+struct Window::Server {
+  Server(const WindowOptions& o, std::function<void()> cancel_job)
+      : options(o),
+        encrypted(o.tls.mode == TlsMode::on || (o.tls.mode == TlsMode::automatic && !o.listen.is_loopback())),
+        hub(o.scene),
+        http(make_server(o, encrypted)),
+        cancel(std::move(cancel_job)) {}
+
+  // Who may ask at all. Without a token only names of the loopback are answered to: a page elsewhere that has its own
+  // name point here gets nothing.
+  bool admits(const httplib::Request& request, httplib::Response& response) const {
+    if (request.path == "/") return true;
+    if (options.token.empty()) {
+      if (Address{host_of(request.get_header_value("Host")), 0}.is_loopback()) return true;
+      refuse(response, 403, "without a token this page is for the machine itself");
+      return false;
+    }
+    const std::string given = request.get_header_value("Authorization");
+    if (same(given, "Bearer " + options.token)) return true;
+    response.set_header("WWW-Authenticate", "Bearer");
+    refuse(response, 401, "the cluster's token is needed");
+    return false;
+  }
+
+  void route() {
+    using httplib::Request, httplib::Response;
+    http->new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
+    http->set_payload_max_length(kLargestRequest);
+    http->set_socket_options([](socket_t socket) {  // the library's own would share the port with another process
+      const int yes = 1;
+      setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    });
+    http->set_default_headers({{"Cache-Control", "no-store"},
+                               {"X-Content-Type-Options", "nosniff"},
+                               {"Content-Security-Policy", "default-src 'self' 'unsafe-inline' data:; frame-ancestors 'none'"}});
+    http->set_pre_routing_handler([this](const Request& request, Response& response) {
+      return admits(request, response) ? httplib::Server::HandlerResponse::Unhandled
+                                       : httplib::Server::HandlerResponse::Handled;
+    });
+    http->Get("/", [](const Request&, Response& r) { r.set_content(kPage.data(), kPage.size(), "text/html; charset=utf-8"); });
+    http->Get("/api/jobs", [this](const Request&, Response& r) {
+      nlohmann::ordered_json jobs = nlohmann::ordered_json::array();
+      if (const auto job = hub.job()) jobs.push_back(to_json(*job));
+      answer_json(r, jobs);
+    });
+    http->Get("/api/jobs/1", [this](const Request&, Response& r) {
+      if (const auto job = hub.job()) return answer_json(r, to_json(*job));
+      refuse(r, 503, "the scene is still being read");
+    });
+    http->Get("/api/jobs/1/stream", [this](const Request&, Response& r) { stream(r); });
+    http->Post("/api/jobs/1/cancel", [this](const Request& request, Response& r) {
+      if (!request.has_header(kOwnHeader)) return refuse(r, 403, std::string("the header ") + kOwnHeader + " is missing");
+      spdlog::warn("a viewer has ended the job");
+      cancel();
+      r.status = 202;
+      answer_json(r, {{"cancelled", true}});
+    });
+    http->Get("/metrics", [this](const Request&, Response& r) {
+      const auto job = hub.job();
+      r.set_content(job ? metrics_text(*job) : "", "text/plain; version=0.0.4; charset=utf-8");
+    });
+    http->set_error_handler([](const Request&, Response& r) {
+      if (r.body.empty()) refuse(r, r.status, r.status == 404 ? "there is nothing here" : "the request cannot be taken");
+    });
+  }
+
+  void stream(httplib::Response& response) {
+    const std::shared_ptr<Hub::Viewer> viewer = hub.join();
+    if (!viewer) return refuse(response, 503, "there are viewers enough");
+    response.set_chunked_content_provider("application/octet-stream", [viewer](std::size_t, httplib::DataSink& sink) {
+      const std::optional<std::string> frames = viewer->next();
+      if (!frames) {
+        sink.done();
+        return true;
+      }
+      return frames->empty() ? sink.is_writable() : sink.write(frames->data(), frames->size());
+    });
+  }
+
+  const WindowOptions options;
+  const bool encrypted;
+  Hub hub;
+  std::unique_ptr<httplib::Server> http;
+  const std::function<void()> cancel;
+  int port = 0;
+  std::thread thread;
+};
+
+Window::Window(const WindowOptions& o, std::function<void()> cancel) {
+  if (!o.listen.is_loopback() && o.token.empty())
+    throw UsageError("--web " + o.listen.to_string() +
+                     ": anybody could look; it needs a token (CLOUDRENDERER_TOKEN) or an address of the loopback");
+  server_ = std::make_unique<Server>(o, std::move(cancel));
+  Server& s = *server_;
+  if (!s.http->is_valid()) throw UsageError("--web: the certificate " + o.tls.certificate + " and its key cannot be used");
+  s.route();
+  const std::string host = o.listen.host.empty() ? "0.0.0.0" : o.listen.host;
+  if (o.listen.port == 0)
+    s.port = s.http->bind_to_any_port(host);
+  else
+    s.port = s.http->bind_to_port(host, o.listen.port) ? o.listen.port : -1;
+  if (s.port <= 0) throw UsageError("--web " + o.listen.to_string() + ": cannot listen there");
+  s.thread = std::thread([&s] { s.http->listen_after_bind(); });
+}
+
+Window::~Window() {
+  server_->hub.close();
+  server_->http->stop();
+  server_->thread.join();
+}
+
+std::string Window::url() const {
+  const std::string host = server_->options.listen.host.empty() ? "localhost" : server_->options.listen.host;
+  return (server_->encrypted ? "https://" : "http://") + Address{host, static_cast<std::uint16_t>(server_->port)}.to_string() + "/";
+}
+
+void Window::look(const RenderView& view) { server_->hub.look(view, std::chrono::steady_clock::now()); }
+
+}  // namespace cloudrenderer

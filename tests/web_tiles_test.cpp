@@ -1,0 +1,104 @@
+#include "web/tiles.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <random>
+
+#include "tasks_manager_util.h"
+
+namespace cloudrenderer {
+namespace {
+
+using manager_test::Cluster;
+
+TEST(Rgb9e5, KeepsColoursWithinHalfAStepOfTheLargestChannel) {
+  constexpr unsigned kSeed = 5;
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<float> exponent(-14.f, 15.9f), share(0.f, 1.f);
+  for (int i = 0; i < 100000; ++i) {
+    const float largest = std::exp2(exponent(random));
+    const Rgb c(largest, largest * share(random), largest * share(random));
+    const Rgb back = unpack_rgb9e5(pack_rgb9e5(c));
+    for (int k = 0; k < 3; ++k) ASSERT_NEAR(back[k], c[k], largest / 512) << "seed " << kSeed << ", colour " << i;
+  }
+}
+
+TEST(Rgb9e5, HasAValueForWhateverComes) {
+  EXPECT_EQ(pack_rgb9e5(Rgb(0.f)), 0u);
+  EXPECT_EQ(pack_rgb9e5(Rgb(-1.f, std::nanf(""), 0.f)), 0u);
+  EXPECT_EQ(unpack_rgb9e5(pack_rgb9e5(Rgb(1e30f, kInfinity, 65408.f))), Rgb(65408.f));
+  EXPECT_EQ(unpack_rgb9e5(pack_rgb9e5(Rgb(1.f, 0.5f, 0.25f))), Rgb(1.f, 0.5f, 0.25f));
+  EXPECT_EQ(unpack_rgb9e5(pack_rgb9e5(Rgb(0.99999f))), Rgb(1.f)) << "rounds up to the next power of two";
+  EXPECT_EQ(unpack_rgb9e5(pack_rgb9e5(Rgb(1e-30f))), Rgb(0.f));
+}
+
+// Of 64 x 64 pixels, with tiles of 16.
+struct Growing {
+  Growing() {
+    ManagerOptions o;
+    o.fixed_tile = 16;
+    cluster.emplace(o);
+    cluster->join();
+    cluster->report_loaded(HostId{1});
+  }
+  std::optional<Cluster> cluster;
+};
+
+TEST(TileWatch, ChoosesEveryTileOnceThenOnlyWhatHasChanged) {
+  Growing g;
+  TileWatch watch;
+  EXPECT_TRUE(watch.choose(g.cluster->core, 1000000).empty()) << "there is nothing yet";
+  g.cluster->work();
+  const std::size_t all = g.cluster->core.tiles();
+  ASSERT_EQ(all, 16u);
+  std::vector<std::size_t> seen;
+  for (int i = 0; i < 8; ++i) {
+    const auto some = watch.choose(g.cluster->core, 2 * 256);
+    EXPECT_EQ(some.size(), 2u);
+    seen.insert(seen.end(), some.begin(), some.end());
+  }
+  std::sort(seen.begin(), seen.end());
+  seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+  EXPECT_EQ(seen.size(), all);
+  EXPECT_TRUE(watch.choose(g.cluster->core, 1000000).empty());
+}
+
+TEST(TileWatch, ChoosesOneTileEvenIfThatIsTooMuch) {
+  Growing g;
+  g.cluster->work();
+  EXPECT_EQ(TileWatch().choose(g.cluster->core, 1).size(), 1u);
+}
+
+TEST(TileBoard, ATileSaysWhereItIsAndWhatIsInIt) {
+  Growing g;
+  g.cluster->work();
+  const std::string bytes = TileBoard::encode(g.cluster->core, 5, 1.f);
+  ASSERT_EQ(bytes.size(), 4u * (5 + 256));
+  std::array<std::uint32_t, 6> words{};
+  std::memcpy(words.data(), bytes.data(), sizeof words);
+  EXPECT_EQ((std::array{words[0], words[1], words[2], words[3], words[4]}), (std::array{16u, 16u, 16u, 16u, 16u}));
+  const Rgb there = g.cluster->core.film().image(1.f).pixels[16 * 64 + 16];
+  EXPECT_EQ(words[5], pack_rgb9e5(there));
+}
+
+TEST(TileBoard, AViewerGetsTheOldestNewsFirstAndEveryStateOnce) {
+  TileBoard board;
+  for (std::size_t i = 0; i < 4; ++i) board.put(i, std::string(100, static_cast<char>('a' + i)));
+  TileBoard::Viewer viewer, late;
+  auto got = board.next(viewer, 250);
+  ASSERT_EQ(got.size(), 2u);
+  EXPECT_EQ(got[0]->front(), 'a');
+  board.put(0, std::string(100, 'z'));
+  got = board.next(viewer, 1000);
+  ASSERT_EQ(got.size(), 3u);
+  EXPECT_EQ(got[0]->front(), 'c');
+  EXPECT_EQ(got[2]->front(), 'z');
+  EXPECT_TRUE(board.next(viewer, 1000).empty());
+  EXPECT_EQ(board.next(late, 1).size(), 1u) << "one at least";
+  EXPECT_EQ(board.next(late, 1000).size(), 3u);
+}
+
+}  // namespace
+}  // namespace cloudrenderer
