@@ -16,7 +16,7 @@ if(TARGET cloudrenderer)
 endif()
 # The report of speed against error, and the converter that it stands on.
 if(TARGET cloudrenderer)
-  foreach(name to_mitsuba)
+  foreach(name to_mitsuba speed_error)
     add_test(NAME tools.${name}
       COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_${name}_test.py $<TARGET_FILE:cloudrenderer>)
     set_tests_properties(tools.${name} PROPERTIES LABELS image TIMEOUT 300 PROCESSORS 2)
