@@ -14,3 +14,11 @@ if(TARGET cloudrenderer)
   set_tests_properties(tools.bench_survival
     PROPERTIES LABELS slow TIMEOUT 900 RUN_SERIAL ON SKIP_RETURN_CODE 77)
 endif()
+# The report of speed against error, and the converter that it stands on.
+if(TARGET cloudrenderer)
+  foreach(name to_mitsuba speed_error)
+    add_test(NAME tools.${name}
+      COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_${name}_test.py $<TARGET_FILE:cloudrenderer>)
+    set_tests_properties(tools.${name} PROPERTIES LABELS image TIMEOUT 300 PROCESSORS 2)
+  endforeach()
+endif()

@@ -15,7 +15,6 @@ import argparse
 import dataclasses
 import json
 import pathlib
-import re
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ import time
 
 import measure
 import quota
+from local_cluster import listening, processor_ticks, start
 
 MIB = 1 << 20
 MOST_LOSS = 1.35   # render time with a loss in the middle, over that without the host from the start
@@ -37,32 +37,6 @@ class Kind:
     kill: float | None = None   # a worker is killed after this share of the undisturbed render time
     join: float | None = None   # one more comes after this share
     tls: bool = False
-
-
-def processor_ticks():
-    """(all, idle) of the machine since it started."""
-    ticks = [int(t) for t in pathlib.Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
-    return sum(ticks), ticks[3] + ticks[4]
-
-
-def start(arguments, log, group=None):
-    def enter():
-        measure.die_with_parent()
-        if group:
-            quota.Groups.enter(group)
-    return subprocess.Popen([str(a) for a in arguments], stdout=log, stderr=subprocess.STDOUT,
-                            stdin=subprocess.DEVNULL, preexec_fn=enter)
-
-
-def listening(path, manager):
-    """The address that the manager says it listens on."""
-    end = time.monotonic() + 30
-    while time.monotonic() < end and manager.poll() is None:
-        found = re.search(r"listening on (\S+:\d+)", path.read_text(errors="replace"))
-        if found:
-            return found.group(1)
-        time.sleep(0.02)
-    sys.exit(f"the manager does not listen:\n{path.read_text(errors='replace')}")
 
 
 def render(args, kind, scene, undisturbed=None):

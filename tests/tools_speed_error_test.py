@@ -1,0 +1,90 @@
+"""The report of speed against error stays alive: two tiny scenes, ours, a pbrt by path, and Mitsuba where it is installed."""
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "tools"))
+import speed_error  # noqa: E402
+
+# A pbrt-v3 that is ours: its command line, our renderer.
+PBRT = """#!/bin/sh
+while [ $# -gt 1 ]; do
+  case "$1" in
+    --nthreads) threads="$2"; shift 2;;
+    --outfile) out="$2"; shift 2;;
+    --quiet) shift;;
+    *) exit 2;;
+  esac
+done
+exec "{program}" render "$1" -o "$out" --threads "$threads" --dialect v3 --quiet
+"""
+
+
+def rows(*points):
+    return [{"cpu": t, "error": e} for t, e in points]
+
+
+class TimeAt(unittest.TestCase):
+    def test_between_points_it_follows_a_power_law(self):
+        seconds, inside = speed_error.time_at(rows((1, 1e-2), (4, 2.5e-3)), 5e-3, "cpu")
+        self.assertAlmostEqual(seconds, 2)
+        self.assertTrue(inside)
+
+    def test_beyond_them_error_times_seconds_is_constant_and_told(self):
+        seconds, inside = speed_error.time_at(rows((1, 1e-2), (4, 2.5e-3)), 1e-3, "cpu")
+        self.assertAlmostEqual(seconds, 10)
+        self.assertFalse(inside)
+
+    def test_errors_of_the_tables_lie_within_what_we_measured(self):
+        self.assertEqual(speed_error.targets(rows((1, 3e-2), (4, 4e-3))), [2e-2, 1e-2, 5e-3])
+
+
+class Tool(unittest.TestCase):
+    def run_tool(self, *options):
+        return subprocess.run(["/usr/bin/python3", ROOT / "tools" / "speed_error.py", "--program", self.program, *options],
+                              capture_output=True, text=True, timeout=300)
+
+    def test_two_tiny_scenes(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            pbrt = pathlib.Path(scratch, "pbrt")
+            pbrt.write_text(PBRT.format(program=self.program))
+            os.chmod(pbrt, 0o755)
+            out = pathlib.Path(scratch, "out")
+            done = self.run_tool(
+                "--scene", ROOT / "scenes" / "killeroo" / "killeroo-path.pbrt", "--scene",
+                ROOT / "scenes" / "cornell-box" / "cornell-small.pbrt", "--pixels", "400", "--spp", "2,8", "--truth-spp", "128",
+                "--runs", "1", "--pbrt-v3", pbrt, "--mitsuba", "auto", "--variants", "scalar_rgb", "--plots", "auto", "--out", out)
+            print(done.stdout)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            results = json.loads((out / "speed_error.json").read_text())
+            self.assertEqual(list(results["scenes"]), ["killeroo-path", "cornell-small"])
+            for name, scene in results["scenes"].items():
+                self.assertTrue({"cloudrenderer", "pbrt-v3"} <= set(scene["rows"]))
+                for program, found in scene["rows"].items():
+                    with self.subTest(f"{name}, {program}"):
+                        self.assertLess(found[1]["error"], found[0]["error"])
+                        self.assertGreaterEqual(found[0]["cpu"], found[0]["render_cpu"])
+                        self.assertEqual(found[0]["bad"], 0)
+                # What stands in for pbrt-v3 is ours, in another version's words: the picture is nearly the same.
+                self.assertLess(max(abs(r - 1) for r in scene["means"]["pbrt-v3"]), .1)
+            if not any("mitsuba" in p for p in results["scenes"]["cornell-small"]["rows"]):
+                self.assertIn("without Mitsuba", done.stdout)
+            page = (out / "speed_error.html").read_text()
+            self.assertEqual(page.count("<h2>"), 2)
+            self.assertIn("data:image/png;base64,", page)
+            self.assertNotIn("src=\"http", page)
+
+    def test_too_few_samples_for_the_truth_are_refused(self):
+        done = self.run_tool("--spp", "64", "--truth-spp", "128")
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("--truth-spp", done.stderr)
+
+
+if __name__ == "__main__":
+    Tool.program = pathlib.Path(sys.argv.pop(1)).resolve()
+    unittest.main()
