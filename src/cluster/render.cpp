@@ -251,13 +251,13 @@ class RenderRun {
     ConvergencePoint p;
     p.render_s = clock_.now() - manager_->core().progress().render_began;
     p.spp = manager_->core().complete_samples();
-    p.estimated_relmse = film.estimated_relmse(scale);
+    p.estimate = film.estimated_error(scale);
     if (request_.reference)
       p.relmse = compare_images(film.image(scale), *request_.reference).relmse;
     convergence_.push_back(p);
-    estimate_ = p.estimated_relmse;
+    estimate_ = p.estimate;
     estimated_at_ = clock_.now();
-    return p.estimated_relmse;
+    return p.estimate.high;
   }
 
   void look() {
@@ -304,7 +304,7 @@ class RenderRun {
       if (shut_) return;
     }
     if (rendering && observer_.progress && now > estimated_at_ + kEstimateEvery) {
-      estimate_ = core.film().estimated_relmse(facts_.settings.film.scale);
+      estimate_ = core.film().estimated_error(facts_.settings.film.scale);
       estimated_at_ = now;
     }
     if (!observer_.progress) return;
@@ -316,7 +316,7 @@ class RenderRun {
     out.paths_total = p.paths_total;
     out.paths_restored = p.paths_restored;
     out.hosts = p.hosts;
-    out.estimated_relmse = estimate_;
+    out.estimate = estimate_;
     observer_.progress(out);
   }
 
@@ -336,14 +336,14 @@ class RenderRun {
       ConvergencePoint last;
       last.render_s = p.render_ended - p.render_began;
       last.spp = out.spp_done;
-      last.estimated_relmse = out.film->estimated_relmse(scale);
+      last.estimate = out.film->estimated_error(scale);
       if (request_.reference)
         last.relmse = compare_images(out.film->image(scale), *request_.reference).relmse;
       convergence_.push_back(last);
     }
     // A time that was asked for, too, ends a render that has not reached its error.
     out.bound_met =
-        !request_.max_error || convergence_.back().estimated_relmse <= *request_.max_error;
+        !request_.max_error || convergence_.back().estimate.high <= *request_.max_error;
     out.paths_done = p.paths_done;
     out.paths_restored = p.paths_restored;
     out.spp_mean =
@@ -407,7 +407,7 @@ class RenderRun {
   bool interrupted_ = false, shut_ = false, stopped_ = false, bound_met_ = false;
   std::uint32_t recorded_samples_ = 0;
   std::vector<ConvergencePoint> convergence_;
-  std::optional<double> estimate_;
+  std::optional<Film::ErrorEstimate> estimate_;
   double estimated_at_ = 0, alone_since_ = 0;
   bool said_alone_ = false;
 };

@@ -52,13 +52,13 @@ struct RenderProgress {
   double elapsed_s = 0, render_s = 0;
   std::uint64_t paths_done = 0, paths_total = 0, paths_restored = 0;
   std::uint32_t hosts = 0;
-  std::optional<double> estimated_relmse;  // of the last time that it was computed
+  std::optional<Film::ErrorEstimate> estimate;  // of the last time that it was computed
 };
 
 struct ConvergencePoint {
   double render_s = 0;
   std::uint32_t spp = 0;
-  double estimated_relmse = 0;
+  Film::ErrorEstimate estimate;
   std::optional<double> relmse;
 };
 
