@@ -1,6 +1,7 @@
 #pragma once
 // The command line as plain values.
 #include <optional>
+#include <set>
 #include <string>
 #include <variant>
 #include <vector>
@@ -18,6 +19,7 @@ struct RenderOptions {  // render and manager
   RenderRequest request;
   std::string output;  // "": from the scene
   std::string reference, report, token_file;
+  std::set<std::string> layers;  // beside R G B
   bool quiet = false;
   std::vector<std::string> command_line;
   LogOptions log;

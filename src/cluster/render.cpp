@@ -16,6 +16,7 @@
 #include "cluster/processes.h"
 #include "cluster/usage.h"
 #include "cluster/worker.h"
+#include "film/camera.h"
 #include "shading/lights.h"
 #include "shading/material.h"
 
@@ -92,6 +93,7 @@ class RenderRun {
     overrides_ = request_.overrides;
     if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
+    facts_.camera_matrices = camera_matrices(manifest_->scene.camera);
     const FilmFrame& frame = facts_.settings.film.frame;
     if (const auto& r = request_.reference;
         r && (r->width != frame.crop_width() || r->height != frame.crop_height()))

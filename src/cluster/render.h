@@ -2,6 +2,7 @@
 // A whole render: scene in, film and figures out. What the command line calls; knows no command
 // line.
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -45,6 +46,7 @@ struct SceneFacts {
   std::uint32_t parts = 0;
   std::uint64_t triangles = 0, predicted_bytes = 0;
   JobSettings settings;
+  std::map<std::string, Mat4> camera_matrices;  // for the header of the picture
 };
 
 struct RenderProgress {

@@ -151,6 +151,34 @@ std::vector<double> Film::pixel_errors(float scale) const {
   return cloudrenderer::pixel_errors(*this, scale).by_median;
 }
 
+std::vector<ImageChannel> error_layer(const Film& film, float scale) {
+  const double unit = fixed_units(-film.k()) * static_cast<double>(scale);
+  const auto sums = film.sums();
+  std::vector<ImageChannel> out;
+  for (std::size_t channel = 0; channel < 3; ++channel) {
+    std::vector<float> deviations(sums.size());
+    for (std::size_t p = 0; p < sums.size(); ++p) {
+      const PixelSums& s = sums[p];
+      if (s.count[0] == 0 || s.count[1] == 0) continue;
+      const double a = mean(s.sum[0][channel], s.count[0], unit), b = mean(s.sum[1][channel], s.count[1], unit);
+      deviations[p] = static_cast<float>(std::fabs(a - b) / 2);
+    }
+    out.push_back({std::string("error.") + "RGB"[channel], std::move(deviations)});
+  }
+  const std::vector<double> relative = film.pixel_errors(scale);
+  std::vector<float> shares(relative.size());
+  std::ranges::transform(relative, shares.begin(), [](double e) { return static_cast<float>(std::max(e, 0.0)); });
+  out.push_back({"error.relmse", std::move(shares)});
+  return out;
+}
+
+ImageChannel samples_layer(const Film& film) {
+  std::vector<float> counts;
+  counts.reserve(film.sums().size());
+  for (const PixelSums& s : film.sums()) counts.push_back(static_cast<float>(s.count[0] + s.count[1]));
+  return {"samples", std::move(counts)};
+}
+
 Film::ErrorEstimate Film::estimated_error(float scale) const {
   PixelErrors all = cloudrenderer::pixel_errors(*this, scale);
   const auto counted =

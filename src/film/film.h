@@ -5,6 +5,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "base/error.h"
@@ -109,11 +110,27 @@ class Film {
   std::vector<PixelSums> sums_;
 };
 
+// What an EXR carries beside R G B: a channel, row by row; 32 bit float, or 32 bit whole numbers.
+struct ImageChannel {
+  std::string name;  // "normal.X"
+  std::variant<std::vector<float>, std::vector<std::uint32_t>> values;
+};
+// error.R, G, B: standard deviation of the pixel's mean, |a-b|/2; error.relmse: pixel_errors().
+std::vector<ImageChannel> error_layer(const Film& film, float scale);
+ImageChannel samples_layer(const Film& film);  // "samples": how many the pixel has got
+
+// For the header of an EXR: words, and matrices by OpenEXR's convention (vectors are rows, row after
+// row), which is glm's order of numbers.
+struct ImageHeader {
+  std::map<std::string, std::string> words;
+  std::map<std::string, Mat4> matrices;
+};
+
 // Writes .exr (32 bit float; data and display window from the frame), .pfm (the same floats without a
-// header's words), .png or .tga (sRGB, 8 bit), by file name; `metadata` goes into the EXR header.
+// header's words), .png or .tga (sRGB, 8 bit), by file name; header and channels are for .exr only.
 // Writes to a temporary name and renames. Throws std::runtime_error with the reason.
 void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
-                 const std::map<std::string, std::string>& metadata);
+                 const ImageHeader& header = {}, std::span<const ImageChannel> channels = {});
 bool is_image_name(const std::string& path);  // ends as write_image wants it
 std::string image_extensions();               // ".exr, ... or .tga": for messages
 // Reads R, G, B of an image file as linear floats. Throws std::runtime_error.
