@@ -186,9 +186,9 @@ TEST(Progress, SaysWhatPeopleAskFor) {
   p.paths_done = 20'000'000;
   p.paths_total = 80'000'000;
   p.hosts = 2;
-  p.estimated_relmse = 0.0123;
+  p.estimate = Film::ErrorEstimate{.relmse = 0.0123, .low = 0.0111, .high = 0.0142};
   EXPECT_EQ(describe(p),
-            " 25.0 %  0:10, 0:30 to go, 2.00 M samples/s, 2 hosts, relMSE about 0.012");
+            " 25.0 %  0:10, 0:30 to go, 2.00 M samples/s, 2 hosts, relMSE about 0.012 (0.011 to 0.014)");
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ TEST(Report, HasTheKeysOfTheContract) {
       {"time", {"wall_s", "load_s", "render_s", "cpu_s"}},
       {"rays", {"camera", "bounce", "shadow", "moved", "shadow_asked"}},
       {"wire", {"bytes", "bytes_per_path"}},
-      {"error", {"estimated_relmse", "relmse", "relmse_trimmed", "mse"}}};
+      {"error", {"estimated_relmse", "estimated_relmse_low", "estimated_relmse_high", "relmse", "relmse_trimmed", "mse"}}};
   for (const auto& [key, inner] : nested)
     for (const char* k : inner) EXPECT_TRUE(r[key].contains(k)) << key << "." << k;
   for (const char* key :

@@ -43,6 +43,28 @@ TEST(PerspectiveCamera, LooksAlongItsAxisAndOverItsFieldOfView) {
   expect_near(tall->ray({0, 0}, {}).direction, glm::normalize(Vec3(-t, 2 * t, 1)));
 }
 
+TEST(CameraMatrices, ProjectWhatARayOfThePixelMeets) {
+  const Mat4 to_world = glm::translate(Mat4(1.f), Vec3(1, 2, 3)) * glm::rotate(Mat4(1.f), 0.7f, Vec3(0.6f, 0.8f, 0)) *
+                        glm::scale(Mat4(1.f), Vec3(-1, 1, 1));
+  for (const char* type : {"perspective", "orthographic"}) {
+    const auto params = type == std::string("perspective") ? std::vector<Param>{reals("fov", {40})} : std::vector<Param>{};
+    CameraDesc desc = entity<CameraDesc>(type, params);
+    desc.world_to_camera = Transform(to_world).inverse();
+    const auto matrices = camera_matrices(desc);
+    const auto c = camera(type, params, frame(100, 100), desc.world_to_camera);
+    for (const Vec2 at : {Vec2(0, 0), Vec2(100, 50), Vec2(20, 70)}) {
+      const CameraRay ray = c->ray(at, {});
+      const glm::vec4 p(ray.origin + 7.f * ray.direction, 1.f);
+      const glm::vec4 ndc = matrices.at("worldtoNDC") * p;
+      EXPECT_NEAR(ndc.x / ndc.w, at.x / 100, 1e-5f) << type;
+      EXPECT_NEAR(ndc.y / ndc.w, 1 - at.y / 100, 1e-5f) << type;
+      const glm::vec4 in_camera = matrices.at("worldtocamera") * p;
+      EXPECT_GT(in_camera.z, 6.f);
+    }
+  }
+  EXPECT_FALSE(camera_matrices(entity<CameraDesc>("environment", {})).contains("worldtoNDC")) << "it does not project";
+}
+
 TEST(PerspectiveCamera, TakesScreenWindowAndAspect) {
   const auto c =
       camera("perspective", {reals("fov", {90}), reals("screenwindow", {-0.5f, 1, -0.25f, 0.75f})},

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <functional>
 #include <numeric>
 #include <random>
 
@@ -120,6 +122,43 @@ TEST(Film, AFireflyIsAnErrorAgainstItsNeighboursAndTheEdgeOfALightIsNot) {
   EXPECT_EQ(firefly.trimmed, 0) << "the worst 0.1 % are left out";
   EXPECT_LT(film_with(100, 1, 5000).relmse, firefly.relmse / 1000) << "beside a light";
   EXPECT_NEAR(film_with(100, 90, 1).relmse, 100. / 4 / (90 * 90 + 0.01) / 1024, 1e-6) << "both halves see it";
+}
+
+// Noise of three kinds around a picture with edges, many times: how often the interval holds the error that was made.
+TEST(Film, TheIntervalHoldsTheTrueError) {
+  constexpr std::uint32_t kSide = 40, kSamples = 8;
+  constexpr int kRuns = 100;
+  constexpr unsigned kSeed = 20240517;
+  std::mt19937 random(kSeed);
+  const auto uniform = [&] { return std::uniform_real_distribution<float>(0.f, 2.f)(random); };
+  const auto exponential = [&] { return std::exponential_distribution<float>(1.f)(random); };
+  const auto rare = [&] { return std::bernoulli_distribution(0.02)(random) ? 50.f : 0.f; };  // all have the mean 1
+  const std::array<std::function<float()>, 3> noises{uniform, exponential, rare};
+  for (std::size_t kind = 0; kind < noises.size(); ++kind) {
+    int held = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      Film film({kSide, kSide, 0, 0, kSide, kSide}, 24);
+      double error = 0;
+      for (std::uint32_t y = 0; y < kSide; ++y) {
+        for (std::uint32_t x = 0; x < kSide; ++x) {
+          const float level = x < kSide / 2 ? 0.2f : 2.f;
+          float sum = 0;
+          for (std::uint32_t s = 0; s < kSamples; ++s) {
+            const float v = level * (0.9f + 0.1f * noises[kind]());
+            film.at(x, y).add(fixed(Rgb(v), 24), s);
+            sum += v;
+          }
+          const double off = static_cast<double>(sum / kSamples - level);
+          error += off * off / static_cast<double>(level * level + 0.01f) / (kSide * kSide);
+        }
+      }
+      const Film::ErrorEstimate e = film.estimated_error(1);
+      ASSERT_TRUE(e.low <= e.relmse && e.relmse <= e.high);
+      held += e.low <= error && error <= e.high;
+      ASSERT_LT(e.high - e.low, 2 * error) << "nor does it hold everything";
+    }
+    EXPECT_GE(held, 90) << "noise " << kind << ", seed " << kSeed;
+  }
 }
 
 TEST(FilmOptions, CropsAsPbrtDoes) {

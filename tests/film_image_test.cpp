@@ -59,7 +59,7 @@ std::string error_of(const std::function<void()>& f) {
 TEST(ImageFile, ExrComesBackBitForBit) {
   const Folder folder;
   const Image image = noise(33, 21);
-  write_image(folder / "a.exr", image, full(image), {});
+  write_image(folder / "a.exr", image, full(image));
   const Image back = read_image(folder / "a.exr");
   ASSERT_EQ(back.width, 33u);
   ASSERT_EQ(back.height, 21u);
@@ -72,7 +72,7 @@ TEST(ImageFile, ExrCarriesWindowsAndMetadata) {
   const Folder folder;
   const Image image = noise(5, 4);
   write_image(folder / "a.exr", image, {100, 80, 10, 20, 15, 24},
-              {{"spp", "64"}, {"cloudrenderer:seed", "7 8"}});
+              {.words = {{"spp", "64"}, {"cloudrenderer:seed", "7 8"}}, .matrices = {}});
   const auto in = OIIO::ImageInput::open(folder / "a.exr");
   ASSERT_TRUE(in);
   const OIIO::ImageSpec& s = in->spec();
@@ -90,6 +90,39 @@ TEST(ImageFile, ExrCarriesWindowsAndMetadata) {
   EXPECT_EQ(s.get_string_attribute("cloudrenderer:seed"), "7 8");
 }
 
+TEST(ImageFile, ExrCarriesOtherChannelsAndMatrices) {
+  const Folder folder;
+  const Image image = noise(5, 4);
+  std::vector<float> depths(20);
+  std::vector<std::uint32_t> ids(20);
+  for (std::size_t i = 0; i < 20; ++i) {
+    depths[i] = 0.1f * static_cast<float>(i);
+    ids[i] = 0xfffffff0u + static_cast<std::uint32_t>(i % 16);  // no float has all these bits
+  }
+  const std::vector<ImageChannel> channels{{"depth.Z", depths}, {"id.shape", ids}};
+  const Mat4 moved{1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 4, 5, 6, 1};
+  write_image(folder / "a.exr", image, full(image), {{}, {{"worldtocamera", moved}, {"worldtoNDC", 2.f * moved}}}, channels);
+  EXPECT_EQ(read_image(folder / "a.exr").pixels, image.pixels);
+  const auto in = OIIO::ImageInput::open(folder / "a.exr");
+  ASSERT_TRUE(in);
+  const OIIO::ImageSpec& s = in->spec();
+  ASSERT_EQ(s.nchannels, 5);
+  std::vector<float> read_depths(20);
+  std::vector<std::uint32_t> read_ids(20);
+  const int depth = s.channelindex("depth.Z"), id = s.channelindex("id.shape");
+  ASSERT_TRUE(in->read_image(0, 0, depth, depth + 1, OIIO::TypeDesc::FLOAT, read_depths.data()));
+  ASSERT_TRUE(in->read_image(0, 0, id, id + 1, OIIO::TypeDesc::UINT, read_ids.data()));
+  EXPECT_EQ(read_depths, depths);
+  EXPECT_EQ(read_ids, ids);
+  Mat4 read;
+  ASSERT_TRUE(s.getattribute("worldtocamera", OIIO::TypeDesc::TypeMatrix, &read[0][0]));
+  EXPECT_EQ(read, moved);
+  std::ifstream file(folder / "a.exr", std::ios::binary);
+  const std::string bytes(std::istreambuf_iterator<char>(file), {});
+  EXPECT_NE(bytes.find(std::string("worldToCamera\0m44f", 18)), std::string::npos) << "OpenEXR's name";
+  EXPECT_NE(bytes.find(std::string("worldToNDC\0m44f", 15)), std::string::npos);
+}
+
 TEST(ImageFile, EqualPicturesGiveEqualFiles) {
   const Folder folder;
   const Image image = noise(40, 40);
@@ -97,15 +130,15 @@ TEST(ImageFile, EqualPicturesGiveEqualFiles) {
     std::ifstream in(path, std::ios::binary);
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
-  write_image(folder / "a.exr", image, full(image), {{"spp", "1"}});
-  write_image(folder / "b.exr", image, full(image), {{"spp", "1"}});
+  write_image(folder / "a.exr", image, full(image), {.words = {{"spp", "1"}}, .matrices = {}});
+  write_image(folder / "b.exr", image, full(image), {.words = {{"spp", "1"}}, .matrices = {}});
   EXPECT_EQ(bytes(folder / "a.exr"), bytes(folder / "b.exr"));
 }
 
 TEST(ImageFile, PngIsSrgb) {
   const Folder folder;
   Image image{4, 1, {Rgb(0.f), Rgb(1.f), Rgb(0.2158605f), Rgb(-3.f, 7.f, 0.0021f)}};
-  write_image(folder / "a.png", image, full(image), {});
+  write_image(folder / "a.png", image, full(image));
   const auto in = OIIO::ImageInput::open(folder / "a.png");
   ASSERT_TRUE(in);
   unsigned char pixels[12];
@@ -119,7 +152,7 @@ TEST(ImageFile, PngIsSrgb) {
 TEST(ImageFile, TgaIsSrgbToo) {
   const Folder folder;
   const Image image{2, 2, {Rgb(0.f), Rgb(1.f), Rgb(0.2158605f, 0.f, 1.f), Rgb(0.f, 9.f, 0.f)}};
-  write_image(folder / "a.tga", image, full(image), {});
+  write_image(folder / "a.tga", image, full(image));
   const Image back = read_image(folder / "a.tga");
   ASSERT_EQ(back.pixels.size(), 4u);
   EXPECT_NEAR(back.pixels[2].x, 0.2158605f, 1e-5f);
@@ -130,7 +163,7 @@ TEST(ImageFile, TgaIsSrgbToo) {
 TEST(ImageFile, PfmKeepsEveryBitFromTheBottomUp) {
   const Folder folder;
   const Image image = noise(5, 3);
-  write_image(folder / "a.pfm", image, full(image), {});
+  write_image(folder / "a.pfm", image, full(image));
   std::ifstream in(folder / "a.pfm", std::ios::binary);
   const std::string bytes(std::istreambuf_iterator<char>(in), {});
   const std::string header = "PF\n5 3\n-1\n";
@@ -146,7 +179,7 @@ TEST(ImageFile, ReplacesAnOldFile) {
   const Folder folder;
   std::ofstream(folder / "a.exr") << "something else";
   const Image image = noise(3, 3);
-  write_image(folder / "a.exr", image, full(image), {});
+  write_image(folder / "a.exr", image, full(image));
   EXPECT_EQ(read_image(folder / "a.exr").width, 3u);
 }
 
@@ -154,7 +187,7 @@ TEST(ImageFile, SaysWhyItCannotBeWritten) {
   const Folder folder;
   const Image image = noise(3, 3);
   const auto write = [&](const std::string& path) {
-    return error_of([&] { write_image(path, image, full(image), {}); });
+    return error_of([&] { write_image(path, image, full(image)); });
   };
   EXPECT_NE(write(folder / "no/such/a.exr").find("No such file or directory"), std::string::npos);
   EXPECT_NE(write(folder / "a.jpg").find(".exr, .pfm, .png or .tga"), std::string::npos);
@@ -162,7 +195,7 @@ TEST(ImageFile, SaysWhyItCannotBeWritten) {
   EXPECT_NE(write(folder / "d.exr").find("Is a directory"), std::string::npos);
   EXPECT_EQ(folder.files(), 1u) << "no temporary file stays";
   EXPECT_NE(error_of([&] {
-              write_image(folder / "b.exr", image, {4, 4, 0, 0, 4, 4}, {});
+              write_image(folder / "b.exr", image, {4, 4, 0, 0, 4, 4});
             }).find("size"),
             std::string::npos);
   if (::access("/dev/full", W_OK) == 0) {
@@ -180,7 +213,7 @@ TEST(ImageFile, SaysWhyItCannotBeRead) {
   std::ofstream(folder / "bad.exr") << "not a picture";
   EXPECT_NE(error_of([&] { read_image(folder / "bad.exr"); }).find("bad.exr"), std::string::npos);
   const Image image = noise(64, 64);
-  write_image(folder / "cut.exr", image, full(image), {});
+  write_image(folder / "cut.exr", image, full(image));
   fs::resize_file(folder / "cut.exr", 3000);
   EXPECT_NE(error_of([&] { read_image(folder / "cut.exr"); }), "");
 }

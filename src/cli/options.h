@@ -1,6 +1,7 @@
 #pragma once
 // The command line as plain values.
 #include <optional>
+#include <set>
 #include <string>
 #include <variant>
 #include <vector>
@@ -19,6 +20,7 @@ struct RenderOptions {  // render and manager
   std::string output;  // "": from the scene
   std::string reference, report, token_file;
   std::optional<Address> web, display;
+  std::set<std::string> layers;  // beside R G B
   bool quiet = false;
   std::vector<std::string> command_line;
   LogOptions log;

@@ -45,8 +45,28 @@ std::uint64_t size_option(const std::string& option, const std::string& text) {
 struct Texts {
   std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop,
       dialect, hosts, threads, min_hosts, replication, lost_after, wait, listen, advertise, manager,
-      alpha, max_relmse, parent, tls, web, display;
+      alpha, max_relmse, parent, tls, web, display, layers;
 };
+
+constexpr auto kLayers = std::to_array<const char*>({"error", "samples"});
+
+std::string layer_names() {
+  std::string out;
+  for (const char* name : kLayers) out += (out.empty() ? "" : ", ") + std::string(name);
+  return out;
+}
+
+std::set<std::string> read_layers(const std::string& text) {
+  const std::set<std::string> known(kLayers.begin(), kLayers.end());
+  if (text == "all") return known;
+  std::set<std::string> out;
+  for (const std::string& name : fields(text, ',')) {
+    if (!known.contains(name))
+      throw UsageError("--layers knows " + layer_names() + " and all, got '" + name + "'");
+    out.insert(name);
+  }
+  return out;
+}
 
 void add_log(CLI::App& app, LogOptions& log) {
   app.add_option("--log", log.file, "write the log to this file instead of standard error");
@@ -80,6 +100,7 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--max-error", t.max_error, "stop when the estimated relMSE is this small");
   app.add_option("--max-time", t.max_time, "stop after about this many seconds of rendering");
   app.add_option("--reference", o.reference, "picture to measure the error against");
+  app.add_option("--layers", t.layers, "also in the .exr: " + layer_names() + ", separated by commas, or all");
   app.add_option("--report", o.report, "write figures about the render to this JSON file");
   app.add_option("--checkpoint", o.request.checkpoint,
                  "journal of what is done, for --resume (Ctrl-C without it: OUT.ckpt)");
@@ -134,6 +155,7 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   }
   if (!t.max_error.empty()) r.max_error = at_least<double>("--max-error", t.max_error, 0);
   if (!t.max_time.empty()) r.max_time_s = at_least<double>("--max-time", t.max_time, 0);
+  if (!t.layers.empty()) o.layers = read_layers(t.layers);
   if (!t.alpha.empty()) r.alpha = at_least<float>("--alpha", t.alpha, 0);
   r.log_level = o.log.level;
   if (!t.web.empty()) o.web = Address::parse(t.web);

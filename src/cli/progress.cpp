@@ -47,8 +47,8 @@ std::string describe(const RenderProgress& p) {
   if (p.render_s > 0.2) text += fmt::format(", {}samples/s", rate_text(made / p.render_s));
   text += p.hosts == 0 ? ", waiting for hosts"
                        : fmt::format(", {} {}", p.hosts, p.hosts == 1 ? "host" : "hosts");
-  if (p.estimated_relmse && *p.estimated_relmse > 0)
-    text += fmt::format(", relMSE about {:.2g}", *p.estimated_relmse);
+  if (p.estimate && p.estimate->relmse > 0)
+    text += fmt::format(", relMSE about {:.2g} ({:.2g} to {:.2g})", p.estimate->relmse, p.estimate->low, p.estimate->high);
   return text;
 }
 

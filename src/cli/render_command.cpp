@@ -34,6 +34,14 @@ void check_writable(const std::string& path, const char* what) {
   fs::remove(probe, ignored);
 }
 
+// What --layers asks for.
+std::vector<ImageChannel> channels(const RenderOptions& o, const RenderOutcome& r) {
+  std::vector<ImageChannel> out;
+  if (o.layers.contains("error")) out = error_layer(*r.film, r.facts.settings.film.scale);
+  if (o.layers.contains("samples")) out.push_back(samples_layer(*r.film));
+  return out;
+}
+
 std::map<std::string, std::string> metadata(const RenderOptions& o, const RenderOutcome& r) {
   const JobSettings& s = r.facts.settings;
   static constexpr std::array<const char*, 3> kIntegrators{"path", "directlighting",
@@ -101,6 +109,8 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   observer.scene_ready = [&](const SceneFacts& facts) {
     print_warnings(facts.warnings);
     output = output_path(o, facts.settings.film);
+    if (!o.layers.empty() && fs::path(output).extension() != ".exr")
+      throw UsageError("--layers needs a picture that ends in .exr, got '" + output + "'");
     check_writable(output, "the picture");
   };
   observer.default_checkpoint = [&] {
@@ -132,7 +142,7 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
 
   const Image image = outcome.film->image(outcome.facts.settings.film.scale);
   try {
-    write_image(output, image, outcome.film->frame(), metadata(o, outcome));
+    write_image(output, image, outcome.film->frame(), {metadata(o, outcome), outcome.facts.camera_matrices}, channels(o, outcome));
   } catch (const std::runtime_error& e) {
     throw ClusterError(e.what() + after_lost_picture(outcome));
   }

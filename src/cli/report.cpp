@@ -61,7 +61,10 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
   }
   const auto paths = static_cast<double>(o.paths_done - o.paths_restored);  // of this run
   const Film::ErrorEstimate estimate = o.film->estimated_error(o.facts.settings.film.scale);
-  Json error = {{"estimated_relmse", estimate.relmse}, {"estimated_relmse_trimmed", estimate.trimmed}};
+  Json error = {{"estimated_relmse", estimate.relmse},
+                {"estimated_relmse_low", estimate.low},
+                {"estimated_relmse_high", estimate.high},
+                {"estimated_relmse_trimmed", estimate.trimmed}};
   if (difference) {
     error["relmse"] = difference->relmse;
     error["relmse_trimmed"] = difference->relmse_trimmed;
@@ -69,8 +72,11 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
   }
   Json convergence = Json::array();
   for (const ConvergencePoint& p : o.convergence) {
-    Json point = {
-        {"render_s", p.render_s}, {"spp", p.spp}, {"estimated_relmse", p.estimated_relmse}};
+    Json point = {{"render_s", p.render_s},
+                  {"spp", p.spp},
+                  {"estimated_relmse", p.estimate.relmse},
+                  {"estimated_relmse_low", p.estimate.low},
+                  {"estimated_relmse_high", p.estimate.high}};
     if (p.relmse) point["relmse"] = *p.relmse;
     convergence.push_back(std::move(point));
   }

@@ -16,6 +16,7 @@
 #include "cluster/processes.h"
 #include "cluster/usage.h"
 #include "cluster/worker.h"
+#include "film/camera.h"
 #include "shading/lights.h"
 #include "shading/material.h"
 
@@ -92,6 +93,7 @@ class RenderRun {
     overrides_ = request_.overrides;
     if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
+    facts_.camera_matrices = camera_matrices(manifest_->scene.camera);
     const FilmFrame& frame = facts_.settings.film.frame;
     if (const auto& r = request_.reference;
         r && (r->width != frame.crop_width() || r->height != frame.crop_height()))
@@ -251,13 +253,13 @@ class RenderRun {
     ConvergencePoint p;
     p.render_s = clock_.now() - manager_->core().progress().render_began;
     p.spp = manager_->core().complete_samples();
-    p.estimated_relmse = film.estimated_relmse(scale);
+    p.estimate = film.estimated_error(scale);
     if (request_.reference)
       p.relmse = compare_images(film.image(scale), *request_.reference).relmse;
     convergence_.push_back(p);
-    estimate_ = p.estimated_relmse;
+    estimate_ = p.estimate;
     estimated_at_ = clock_.now();
-    return p.estimated_relmse;
+    return p.estimate.high;
   }
 
   void look() {
@@ -304,7 +306,7 @@ class RenderRun {
       if (shut_) return;
     }
     if (rendering && (observer_.progress || observer_.look) && now > estimated_at_ + kEstimateEvery) {
-      estimate_ = core.film().estimated_relmse(facts_.settings.film.scale);
+      estimate_ = core.film().estimated_error(facts_.settings.film.scale);
       estimated_at_ = now;
     }
     const RenderProgress out = progress();
@@ -326,7 +328,7 @@ class RenderRun {
     out.paths_total = p.paths_total;
     out.paths_restored = p.paths_restored;
     out.hosts = p.hosts;
-    out.estimated_relmse = estimate_;
+    out.estimate = estimate_;
     return out;
   }
 
@@ -347,14 +349,14 @@ class RenderRun {
       ConvergencePoint last;
       last.render_s = p.render_ended - p.render_began;
       last.spp = out.spp_done;
-      last.estimated_relmse = out.film->estimated_relmse(scale);
+      last.estimate = out.film->estimated_error(scale);
       if (request_.reference)
         last.relmse = compare_images(out.film->image(scale), *request_.reference).relmse;
       convergence_.push_back(last);
     }
     // A time that was asked for, too, ends a render that has not reached its error.
     out.bound_met =
-        !request_.max_error || convergence_.back().estimated_relmse <= *request_.max_error;
+        !request_.max_error || convergence_.back().estimate.high <= *request_.max_error;
     out.paths_done = p.paths_done;
     out.paths_restored = p.paths_restored;
     out.spp_mean =
@@ -418,7 +420,7 @@ class RenderRun {
   bool interrupted_ = false, shut_ = false, stopped_ = false, bound_met_ = false;
   std::uint32_t recorded_samples_ = 0;
   std::vector<ConvergencePoint> convergence_;
-  std::optional<double> estimate_;
+  std::optional<Film::ErrorEstimate> estimate_;
   double estimated_at_ = 0, alone_since_ = 0;
   bool said_alone_ = false;
 };

@@ -2,6 +2,7 @@
 // A whole render: scene in, film and figures out. What the command line calls; knows no command
 // line.
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -45,6 +46,7 @@ struct SceneFacts {
   std::uint32_t parts = 0;
   std::uint64_t triangles = 0, predicted_bytes = 0;
   JobSettings settings;
+  std::map<std::string, Mat4> camera_matrices;  // for the header of the picture
 };
 
 struct RenderProgress {
@@ -52,13 +54,13 @@ struct RenderProgress {
   double elapsed_s = 0, render_s = 0;
   std::uint64_t paths_done = 0, paths_total = 0, paths_restored = 0;
   std::uint32_t hosts = 0;
-  std::optional<double> estimated_relmse;  // of the last time that it was computed
+  std::optional<Film::ErrorEstimate> estimate;  // of the last time that it was computed
 };
 
 struct ConvergencePoint {
   double render_s = 0;
   std::uint32_t spp = 0;
-  double estimated_relmse = 0;
+  Film::ErrorEstimate estimate;
   std::optional<double> relmse;
 };
 

@@ -177,6 +177,12 @@ float field_of_view(const CameraDesc& desc) {
   return fov;
 }
 
+// Camera to world.
+AnimatedTransform motion_of(const CameraDesc& desc) {
+  return {desc.world_to_camera.inverse_matrix(), desc.motion->end.inverse_matrix(),
+          TimeSpan{desc.motion->start_time, desc.motion->end_time}, AnimatedTransform::Interpolates::forward};
+}
+
 }  // namespace
 
 float film_diagonal(const Entity& film) { return film.params.real("diagonal", 35.f); }
@@ -199,6 +205,30 @@ void Camera::place(float time, CameraRay& ray) const {
   ray.origin = to_world.point(ray.origin);
   ray.direction = glm::normalize(to_world.vector(ray.direction));
   ray.cone_width *= scale_;
+}
+
+std::map<std::string, Mat4> camera_matrices(const CameraDesc& desc) {
+  Transform to_camera = desc.world_to_camera;
+  if (desc.motion) {
+    const AnimatedTransform motion = motion_of(desc);
+    to_camera = placed(Affine(), {&motion, 1}, shutter_of(desc).open).inverse();
+  }
+  std::map<std::string, Mat4> out{{"worldtocamera", to_camera.matrix()}};
+  if (desc.type == "environment" || desc.type == "realistic") return out;
+  Mat4 to_screen(1.f);
+  if (desc.type != "orthographic") {
+    constexpr float kNear = 0.01f, kFar = 1000.f;
+    const float scale = 1.f / portable::tan(field_of_view(desc) * (kPi / 360.f));
+    to_screen = Mat4(0.f);
+    to_screen[0][0] = to_screen[1][1] = scale;
+    to_screen[2][2] = kFar / (kFar - kNear);
+    to_screen[3][2] = -kFar * kNear / (kFar - kNear);
+    to_screen[2][3] = 1.f;
+  }
+  Mat4 to_ndc(0.5f);
+  to_ndc[3] = {0.5f, 0.5f, 0.5f, 1.f};
+  out["worldtoNDC"] = to_ndc * to_screen * to_camera.matrix();
+  return out;
 }
 
 std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& frame, Dialect,
@@ -231,9 +261,7 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
     camera = std::make_unique<PerspectiveCamera>(to_world, plane, lens(desc));
   }
   if (desc.motion) {
-    camera->motion_.emplace(at_start.matrix(), desc.motion->end.inverse_matrix(),
-                            TimeSpan{desc.motion->start_time, desc.motion->end_time},
-                            AnimatedTransform::Interpolates::forward);
+    camera->motion_ = motion_of(desc);
     camera->scale_ = std::sqrt(glm::length(glm::cross(at_start.vector({1, 0, 0}), at_start.vector({0, 1, 0}))));
   }
   desc.params.report_unused("Camera \"" + desc.type + "\"", warnings);

@@ -1,6 +1,8 @@
 #pragma once
+#include <map>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "base/animated_transform.h"
 #include "base/lanes.h"
@@ -46,6 +48,11 @@ class Camera {
   std::optional<AnimatedTransform> motion_;  // camera to world
   float scale_ = 1;                          // of lengths, by it
 };
+
+// For the header of the picture, when the shutter opens: "worldtocamera", and of cameras that project "worldtoNDC", which
+// as in pbrt-v4 maps pbrt's screen from -1 .. 1 to 0 .. 1 (y up) and depths by its planes at 0.01 and 1000.
+// Only for scenes that build() takes.
+std::map<std::string, Mat4> camera_matrices(const CameraDesc& desc);
 
 float film_diagonal(const Entity& film);  // of `Film`, in millimetres
 

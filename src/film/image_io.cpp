@@ -64,6 +64,28 @@ std::vector<unsigned char> pfm(const Image& image) {
   return out;
 }
 
+// Pixels of R G B and all channels, as the bits that the file holds; names and types go into `spec`.
+std::vector<std::uint32_t> with_channels(const Image& image, std::span<const ImageChannel> channels, OIIO::ImageSpec& spec) {
+  spec.nchannels += static_cast<int>(channels.size());
+  spec.channelformats.assign(3, OIIO::TypeDesc::FLOAT);
+  for (const ImageChannel& c : channels) {
+    spec.channelnames.push_back(c.name);
+    spec.channelformats.emplace_back(c.values.index() == 0 ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT);
+  }
+  const std::size_t stride = 3 + channels.size();
+  std::vector<std::uint32_t> out(image.pixels.size() * stride);
+  for (std::size_t p = 0; p < image.pixels.size(); ++p)
+    for (std::size_t i = 0; i < 3; ++i) out[p * stride + i] = std::bit_cast<std::uint32_t>(image.pixels[p][static_cast<int>(i)]);
+  for (std::size_t c = 0; c < channels.size(); ++c) {
+    std::visit(
+        [&](const auto& values) {
+          for (std::size_t p = 0; p < values.size(); ++p) out[p * stride + 3 + c] = std::bit_cast<std::uint32_t>(values[p]);
+        },
+        channels[c].values);
+  }
+  return out;
+}
+
 // A reader of `path` sees the old file or the new one, never a half.
 void write_file(const std::string& path, std::span<const unsigned char> bytes) {
   const std::string temporary = path + ".tmp" + std::to_string(::getpid());
@@ -88,7 +110,7 @@ void write_file(const std::string& path, std::span<const unsigned char> bytes) {
 }  // namespace
 
 void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
-                 const std::map<std::string, std::string>& metadata) {
+                 const ImageHeader& header, std::span<const ImageChannel> channels) {
   if (image.width != frame.crop_width() || image.height != frame.crop_height() ||
       image.pixels.size() != frame.pixels() || image.pixels.empty())
     fail("write", path, "the picture does not have the film's size");
@@ -102,8 +124,14 @@ void write_image(const std::string& path, const Image& image, const FilmFrame& f
     spec.full_width = static_cast<int>(frame.width);
     spec.full_height = static_cast<int>(frame.height);
     spec.attribute("compression", "zip");
-    for (const auto& [key, value] : metadata) spec.attribute(key, value);
-    write_file(path, encode(path, spec, OIIO::TypeDesc::FLOAT, image.pixels.data()));
+    for (const auto& [key, value] : header.words) spec.attribute(key, value);
+    for (const auto& [key, value] : header.matrices) spec.attribute(key, OIIO::TypeDesc::TypeMatrix, &value[0][0]);
+    if (channels.empty()) {
+      write_file(path, encode(path, spec, OIIO::TypeDesc::FLOAT, image.pixels.data()));
+    } else {
+      const std::vector<std::uint32_t> pixels = with_channels(image, channels, spec);
+      write_file(path, encode(path, spec, OIIO::TypeDesc::UNKNOWN, pixels.data()));
+    }
   } else if (extension == ".png" || extension == ".tga") {
     std::vector<unsigned char> bytes;
     bytes.reserve(image.pixels.size() * 3);

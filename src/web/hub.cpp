@@ -43,7 +43,7 @@ void Hub::look(const RenderView& view, Time now) {
   viewed_ = now;
   auto job = std::make_shared<JobView>(job_view(scene_, view));
   const CostPoint point = cost_point(*job);
-  if (view.progress.estimated_relmse && (history_.empty() || history_.back().estimated_relmse != point.estimated_relmse))
+  if (view.progress.estimate && (history_.empty() || history_.back().estimated_relmse != point.estimated_relmse))
     add_point(history_, point);
   job->history = history_;
   const std::lock_guard lock(mutex_);

@@ -94,7 +94,7 @@ CostPoint cost_point(const JobView& job) {
   CostPoint p;
   p.render_s = job.progress.render_s;
   p.spp = static_cast<double>(job.progress.paths_done) / std::max(1.0, static_cast<double>(job.width) * job.height);
-  p.estimated_relmse = job.progress.estimated_relmse.value_or(0);
+  if (job.progress.estimate) p.estimated_relmse = job.progress.estimate->relmse;
   for (const HostView& h : job.hosts) {
     p.host_s += seconds_there(h, job.progress.elapsed_s);
     p.cpu_s += h.status.counters().cpu_s();
@@ -127,6 +127,7 @@ Json to_json(const JobView& job) {
   for (const CostPoint& p : job.history)
     history.push_back({p.render_s, p.spp, p.host_s, p.cpu_s, p.estimated_relmse});
   const CostPoint cost = cost_point(job);
+  const auto& estimate = job.progress.estimate;
   return {{"id", 1},
           {"scene", job.scene},
           {"phase", job.phase},
@@ -140,7 +141,9 @@ Json to_json(const JobView& job) {
           {"render_s", job.progress.render_s},
           {"paths_done", job.progress.paths_done},
           {"paths_total", job.progress.paths_total},
-          {"estimated_relmse", job.progress.estimated_relmse ? Json(*job.progress.estimated_relmse) : Json(nullptr)},
+          {"estimated_relmse", estimate ? Json(estimate->relmse) : Json(nullptr)},
+          {"estimated_relmse_low", estimate ? Json(estimate->low) : Json(nullptr)},
+          {"estimated_relmse_high", estimate ? Json(estimate->high) : Json(nullptr)},
           {"invalid_samples", job.core.invalid_samples},
           {"paged_parts", job.core.paged_parts},
           {"bit_exact", job.bit_exact},

@@ -53,8 +53,11 @@ std::string metrics_text(const JobView& job) {
   f.counter("cloudrenderer_host_seconds_total", "Hosts times the time that they were there", cost.host_s);
   f.gauge("cloudrenderer_parts", "Parts of the scene", job.parts);
   f.gauge("cloudrenderer_paged_parts", "Parts that no host has memory for", job.core.paged_parts);
-  if (job.progress.estimated_relmse)
-    f.gauge("cloudrenderer_estimated_relmse", "Estimated error of the picture", *job.progress.estimated_relmse);
+  if (const auto& e = job.progress.estimate) {
+    f.gauge("cloudrenderer_estimated_relmse", "Estimated error of the picture", e->relmse);
+    f.gauge("cloudrenderer_estimated_relmse_low", "Lower end of its interval", e->low);
+    f.gauge("cloudrenderer_estimated_relmse_high", "Upper end of its interval", e->high);
+  }
   for (const char* phase : {"gathering", "loading", "rendering", "ending", "done", "failed"})
     f.gauge("cloudrenderer_phase", "1 for the phase of the job", job.phase == phase ? 1 : 0, {{"phase", phase}});
   for (const HostView& h : job.hosts) {
