@@ -41,6 +41,8 @@ class PathTracer final : public PathEngine {
   // Textures and light tables: counted in a host's memory besides the resident parts.
   std::uint64_t shading_bytes() const { return shading_->bytes() + lights_->bytes(); }
   const EngineTime& time() const { return time_; }
+  // For measurements, with one thread: all shadow rays from now on are appended to `to` as they are traced.
+  void record_shadow_rays(std::vector<OcclusionRay>* to) { recorded_ = to; }
 
  private:
   struct Shadows;
@@ -90,6 +92,7 @@ class PathTracer final : public PathEngine {
   std::unique_ptr<Camera> camera_;
   std::unique_ptr<Filter> filter_;
   mutable EngineTime time_;
+  std::vector<OcclusionRay>* recorded_ = nullptr;
 };
 
 }  // namespace cloudrenderer

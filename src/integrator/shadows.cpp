@@ -8,6 +8,7 @@ namespace cloudrenderer {
 void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows, ShadeOutput& out) const {
   const std::span<const OcclusionRay> rays = shadows.rays;
   if (rays.empty()) return;
+  if (recorded_) recorded_->insert(recorded_->end(), rays.begin(), rays.end());
   std::vector<std::uint8_t> blocked(rays.size());
   {
     const BatchTimer timer(time_.occlusion);
