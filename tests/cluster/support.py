@@ -1,4 +1,5 @@
 """A cluster of real processes for the tests: starts managers and workers on the loopback, and leaves none behind."""
+import json
 import os
 import pathlib
 import signal
@@ -37,6 +38,10 @@ def free_ports(count):
     for s in sockets:
         s.close()
     return ports
+
+
+def json_of(path):
+    return json.loads(pathlib.Path(path).read_text())
 
 
 def wait_until_listening(port, seconds=20):
