@@ -60,11 +60,11 @@ def wait_until_listening(port, seconds=20):
 class Process:
     """A running program whose output goes to a file. `prefix`: a command that becomes the program (`ip netns exec`)."""
 
-    def __init__(self, name, arguments, folder, mark, prefix=()):
+    def __init__(self, name, arguments, folder, mark, prefix=(), program=None):
         self.name = name
         self.log = folder / f"{name}.log"
         with open(self.log, "w") as log:
-            self.child = subprocess.Popen([str(a) for a in [*prefix, PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
+            self.child = subprocess.Popen([str(a) for a in [*prefix, program or PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
                                           stdin=subprocess.DEVNULL, env=os.environ | {MARK: mark},
                                           preexec_fn=measure.die_with_parent)
 
