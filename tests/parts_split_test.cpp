@@ -5,6 +5,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <limits>
 
+#include "parts/features.h"
 #include "parts/part_maker.h"
 #include "parts_scene.h"
 
@@ -56,6 +57,7 @@ TEST(Split, EveryTriangleAppearsOnceWithItsBits) {
   double fill = 0;
   for (std::size_t p = 1; p < m.parts.size(); ++p) {
     EXPECT_LE(m.parts[p].loaded_bytes, part_size);
+    EXPECT_EQ(m.parts[p].features, kHasTriangles);
     fill += static_cast<double>(m.parts[p].loaded_bytes) / static_cast<double>(part_size);
   }
   EXPECT_GT(fill / static_cast<double>(m.parts.size() - 1), 0.6);
@@ -269,6 +271,7 @@ TEST(Split, ObjectsInObjectsAreFlattened) {
   feed.instance(tree, moved(16, 0, 0));
   const Manifest m = feed.finish();
   EXPECT_EQ(m.prototypes.size(), 1u);
+  EXPECT_EQ(m.parts[1].features, kHasInstances | kHasTriangles);  // its prototype's too
   const Collected all = collect(folder.path(), m);
   EXPECT_EQ(all.duplicates, 0u);
   EXPECT_EQ(all.triangles.size(), 2u * (50 + 8 + 50));

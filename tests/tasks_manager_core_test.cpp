@@ -278,6 +278,7 @@ TEST(ManagerCore, PagesNothingWithAHostThatCannot) {
   Cluster c({}, job(21));
   wire::Hello h;
   h.set_protocol(wire::kProtocolVersion);
+  h.set_fingerprint(1);
   h.set_memory(1300);
   h.set_threads(1);
   h.add_features("triangles");
@@ -367,6 +368,7 @@ TEST(ManagerCore, RefusesHostsWithNumbersThatNoHostHas) {
   Cluster c;
   wire::Hello h;
   h.set_protocol(wire::kProtocolVersion);
+  h.set_fingerprint(1);
   h.set_threads(4);
   h.set_memory(std::uint64_t{1} << 60);
   EXPECT_NE(c.core.join(h, 0).error().find("1048576 TiB"), std::string::npos);

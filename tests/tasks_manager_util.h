@@ -23,6 +23,7 @@ struct Cluster {
   HostId join(std::uint64_t memory = 10000) {
     wire::Hello h;
     h.set_protocol(wire::kProtocolVersion);
+    h.set_fingerprint(1);
     h.set_memory(memory);
     h.set_threads(1);
     h.set_path_credits(20000);

@@ -46,6 +46,8 @@ class TrivialEngine final : public PathEngine {
     shaded += b.size();
   }
   std::vector<bool> occluded(std::span<const OcclusionRay>, std::span<const float>, std::span<std::uint8_t>) const override { return {}; }
+  void nearest(std::span<const OcclusionRay>, std::span<AnsweredHit>) const override {}
+  void mark_tested(PathSegment&, float, const std::vector<bool>&) const override {}
   std::uint32_t film_width() const override { return 1024; }
 
   mutable std::uint64_t shaded = 0;

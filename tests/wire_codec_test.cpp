@@ -181,6 +181,31 @@ TEST(Codec, KeepsReplies) {
   EXPECT_TRUE(std::holds_alternative<Refusal>(got.payload));
 }
 
+TEST(Codec, KeepsNearestHitsAndSendsTheColumnsThatSomeHitHas) {
+  const std::uint16_t all = kAnsweredFlip | kAnsweredNormals | kAnsweredUvs;
+  std::array<std::size_t, 4> bytes{};
+  for (const std::uint16_t flags : {std::uint16_t{0}, std::uint16_t{kAnsweredNormals}, std::uint16_t{kAnsweredUvs}, all}) {
+    const NearestReply r = some_nearest(flags);
+    const Reply m{{1, 2}, 3, r};
+    bytes[flags / 2] = encode(m)->size();
+    const auto back = std::get<NearestReply>(there_and_back(m).payload);
+    EXPECT_EQ(back.found, r.found);
+    ASSERT_EQ(back.hits.size(), r.hits.size());
+    for (std::size_t i = 0; i < r.hits.size(); ++i) {
+      const AnsweredHit &a = back.hits[i], &b = r.hits[i];
+      EXPECT_EQ(std::tie(a.t, a.u, a.v, a.shape, a.primitive), std::tie(b.t, b.u, b.v, b.shape, b.primitive));
+      EXPECT_TRUE(a.surface.p == b.surface.p && a.surface.n == b.surface.n && a.surface.uv == b.surface.uv);
+      EXPECT_EQ(std::tie(a.surface.material, a.surface.light, a.surface.flags),
+                std::tie(b.surface.material, b.surface.light, b.surface.flags));
+    }
+  }
+  EXPECT_NEAR(static_cast<double>(bytes[1] - bytes[0]), 36 * 46, 8);
+  EXPECT_NEAR(static_cast<double>(bytes[3] - bytes[2]), 36 * 46, 8);
+  SubmitTask ask = some_rays(3);
+  std::get<OcclusionBlock>(ask.payload).nearest = true;
+  EXPECT_TRUE(std::get<OcclusionBlock>(there_and_back(ask).payload).nearest);
+}
+
 TEST(Codec, KeepsRendererTasks) {
   const RendererRange r{9, 1, 2, 33, 34, 5, 21};
   const auto got = std::get<RendererRange>(there_and_back(SubmitTask{{1, 2}, 3, 4, r}).payload);

@@ -125,6 +125,26 @@ TEST(HostilePeer, RepliesThatContradictThemselvesAreRefused) {
   EXPECT_FALSE(decode(bytes_of(Reply{{}, 0, r})));
 }
 
+TEST(HostilePeer, NearestHitsThatCannotBeAreRefused) {
+  const auto refused = [](auto change) {
+    NearestReply r = some_nearest(kAnsweredNormals | kAnsweredUvs);
+    change(r);
+    return !decode(bytes_of(Reply{{}, 0, r}));
+  };
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_FALSE(refused([](NearestReply&) {}));
+  EXPECT_TRUE(refused([](NearestReply& r) { r.hits.pop_back(); }));
+  EXPECT_TRUE(refused([](NearestReply& r) { r.found[1] |= 1u << 8; }));
+  EXPECT_TRUE(refused([&](NearestReply& r) { r.hits[3].t = nan; }));
+  EXPECT_TRUE(refused([](NearestReply& r) { r.hits[3].t = kInfinity; }));
+  EXPECT_TRUE(refused([](NearestReply& r) { r.hits[3].t = -1; }));
+  EXPECT_TRUE(refused([](NearestReply& r) { r.hits[3].u = 7; }));
+  EXPECT_TRUE(refused([&](NearestReply& r) { r.hits[3].v = nan; }));
+  EXPECT_TRUE(refused([](NearestReply& r) { r.hits[3].surface.p[2].y = 1e19f; }));
+  EXPECT_TRUE(refused([&](NearestReply& r) { r.hits[0].surface.n[1].z = nan; }));
+  EXPECT_TRUE(refused([](NearestReply& r) { r.hits[0].surface.uv[0].x = -kInfinity; }));
+}
+
 TEST(HostilePeer, OtherVersionsAndTypesAreNamed) {
   auto payload = bytes_of(Leave());
   payload[2] = std::byte{9};

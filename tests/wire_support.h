@@ -59,4 +59,35 @@ inline SubmitTask some_rays(std::size_t n) {
   return {{1, 2}, 3, 4, std::move(block)};
 }
 
+inline AnsweredHit some_hit(std::uint32_t i, std::uint16_t flags) {
+  AnsweredHit h;
+  const auto number = [i](std::uint32_t k) { return static_cast<float>(i * 32 + k) / 64.f; };
+  h.t = number(0);
+  h.u = 0.25f;
+  h.v = 0.5f;
+  h.shape = i;
+  h.primitive = i + 9;
+  for (std::uint32_t c = 0; c < 3; ++c) {
+    h.surface.p[c] = Vec3(number(c + 1), -number(c + 2), number(c));
+    if (flags & kAnsweredNormals) h.surface.n[c] = Vec3(0, number(c + 4), 1);
+    if (flags & kAnsweredUvs) h.surface.uv[c] = Vec2(number(c + 5), 0);
+  }
+  h.surface.material = i + 2;
+  h.surface.flags = flags;
+  return h;
+}
+
+// Of some_rays(70): two thirds are found.
+inline NearestReply some_nearest(std::uint16_t flags) {
+  NearestReply r;
+  r.count = 70;
+  r.found.resize(2);
+  for (std::uint32_t i = 0; i < r.count; ++i) {
+    if (i % 3 == 0) continue;
+    r.found[i / 64] |= std::uint64_t{1} << (i % 64);
+    r.hits.push_back(some_hit(i, static_cast<std::uint16_t>(i % 2 ? flags : flags & kAnsweredFlip)));
+  }
+  return r;
+}
+
 }  // namespace cloudrenderer::wire

@@ -231,6 +231,8 @@ Command parse_command_line(int argc, const char* const* argv) {
   add_door(worker_app, t, worker.token_file, worker.config.tls);
   worker_app.add_option("--wait", t.wait, "seconds to look for the manager, also for one that has gone (default 30)");
   worker_app.add_option("--alpha", t.alpha, "weight of a host's load against the number of hosts");
+  worker_app.add_flag("--only-intersect", worker.config.only_intersect,
+                      "take no paths: load parts and answer for them");
   worker_app.add_flag("--allow-inexact", worker.config.allow_inexact,
                       "join although the arithmetic differs");
   worker_app.add_option("--parent", t.parent, "process to end with")->group("");

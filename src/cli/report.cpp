@@ -45,7 +45,7 @@ Json report_host(const ManagerCore::HostReport& host, double render_s) {
 Json make_report(const RenderOutcome& o, const std::string& scene,
                  const std::optional<ImageDifference>& difference) {
   const FilmFrame& frame = o.facts.settings.film.frame;
-  std::uint64_t camera = 0, bounce = 0, shadow = 0, moved = 0, asked = 0, wasted = 0, copied = 0, dropped = 0;
+  std::uint64_t camera = 0, bounce = 0, shadow = 0, moved = 0, asked = 0, nearest_asked = 0, wasted = 0, copied = 0, dropped = 0;
   Json hosts = Json::array();
   for (const auto& [id, host] : o.hosts) {
     const wire::Counters& c = host.last.counters();
@@ -54,6 +54,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
     shadow += c.shadow();
     moved += c.moved();
     asked += c.shadow_asked();
+    nearest_asked += c.nearest_asked();
     wasted += c.wasted_paths();
     copied += c.copied_paths();
     dropped += c.dropped_messages();
@@ -97,7 +98,8 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
         {"bounce", bounce},
         {"shadow", shadow},
         {"moved", moved},
-        {"shadow_asked", asked}}},
+        {"shadow_asked", asked},
+        {"nearest_asked", nearest_asked}}},
       {"wire",
        {{"bytes", o.wire_bytes},
         {"bytes_per_path", per(static_cast<double>(o.wire_bytes), paths)}}},

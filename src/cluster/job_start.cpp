@@ -5,6 +5,7 @@
 #include <random>
 
 #include "film/camera.h"
+#include "parts/features.h"
 #include "parts/part_builder.h"
 #include "parts/part_map.h"
 
@@ -106,8 +107,7 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
     spec.parts.push_back(placement_part(manifest, p));
   expect_visits(manifest, settings.film.frame, spec.parts);
   for (const PrototypeInfo& p : manifest.prototypes) spec.prototype_bytes.push_back(p.loaded_bytes);
-  spec.part_features.resize(manifest.parts.size());
-  if (manifest.moves) spec.part_features.assign(manifest.parts.size(), {"motion"});
+  for (const PartInfo& p : manifest.parts) spec.part_features.push_back(feature_names(p.features));
 
   wire::JobStart& s = spec.start;
   s.set_job(std::random_device{}());

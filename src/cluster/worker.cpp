@@ -15,6 +15,7 @@
 #include "cluster/usage.h"
 #include "cluster/worker_node.h"
 #include "net/listener.h"
+#include "parts/features.h"
 
 namespace cloudrenderer {
 namespace {
@@ -98,7 +99,7 @@ class Worker {
     GreetingHandlers h;
     h.proved = [this](const auto& session) {
       wire::Hello hello = make_hello(incarnation_, config_.name, config_.memory, config_.threads,
-                                     options_);
+                                     options_, config_.only_intersect);
       hello.set_listen(advertised_.to_string());
       hello.set_allow_inexact(config_.allow_inexact);
       if (node_) hello.set_manager(manager_incarnation_);
@@ -312,7 +313,7 @@ std::uint64_t new_incarnation() {
 }
 
 wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory,
-                       unsigned threads, const WorkerOptions& options) {
+                       unsigned threads, const WorkerOptions& options, bool only_intersect) {
   wire::Hello h;
   h.set_protocol(wire::kProtocolVersion);
   h.set_incarnation(incarnation);
@@ -320,8 +321,14 @@ wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::
   h.set_memory(memory);
   h.set_threads(threads);
   for (int c = wire::LOADER; c <= wire::INTERSECTION; ++c)
-    h.add_categories(static_cast<wire::Category>(c));
-  for (const char* feature : {"triangles", "quadrics", "alpha", "motion", "paging"}) h.add_features(feature);
+    if (!only_intersect || c == wire::LOADER || c == wire::UNLOADER || c == wire::INTERSECTION)
+      h.add_categories(static_cast<wire::Category>(c));
+  if (only_intersect) {  // what PathTracer::nearest() answers for
+    for (const char* feature : {kFeatureTriangles, kFeatureAlpha}) h.add_features(feature);
+  } else {
+    for (const auto& [bit, feature] : kPartFeatures) h.add_features(feature);
+    h.add_features("paging");
+  }
   h.set_instruction_set(kInstructionSet);
   h.set_fingerprint(numeric_fingerprint());
   h.set_path_credits(options.path_credits);

@@ -22,6 +22,7 @@ struct WorkerConfig {
   std::string token;
   TlsOptions tls;
   bool allow_inexact = false;
+  bool only_intersect = false;  // no paths: it loads parts and answers for them
   float alpha = 0.25f;  // weight of load in the choice of hosts
   std::chrono::duration<double> patience{
       30};  // for the first connection, and for a manager that went away
@@ -35,7 +36,7 @@ void run_worker(const WorkerConfig& config,
 
 // What a host with these means says of itself; address and name apart.
 wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::uint64_t memory,
-                       unsigned threads, const WorkerOptions& options);
+                       unsigned threads, const WorkerOptions& options, bool only_intersect = false);
 std::uint64_t new_incarnation();
 DriverCounters process_counters();  // cpu and peak of this process
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/id.h"
+#include "integrator/answered_hit.h"
 #include "integrator/path_segment.h"
 #include "trace/hit.h"
 
@@ -19,6 +20,8 @@ struct SegmentBatch {
   // here (the segment must move to a holder of it), or none: the segment can be shaded here. If only the part of its
   // own hit is not resident (any more), it is that part.
   std::vector<PartId> next;
+  // Of hits with geometry kAnsweredHit, whose `index` counts here; some may be of no use any more.
+  std::vector<AnsweredSurface> surfaces;
 
   std::size_t size() const { return segments.size(); }
 };
@@ -84,6 +87,12 @@ class PathEngine {
   // the rays; may be empty where nothing moves.
   virtual std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<const float> times,
                                      std::span<std::uint8_t> blocked) const = 0;
+  // The nearest hit of every ray in the resident parts, the main scene left out, for a host that holds none of them.
+  // Only triangles are answered for: hosts that only intersect get no other parts. Rays without a hit nearer than
+  // their t_max keep a default AnsweredHit.
+  virtual void nearest(std::span<const OcclusionRay> rays, std::span<AnsweredHit> hits) const = 0;
+  // Another host has answered for the parts that `answered` has a bit for: marks them in the segment's window.
+  virtual void mark_tested(PathSegment& segment, float t_max, const std::vector<bool>& answered) const = 0;
   // True if something in the scene moves, so that rays have times.
   virtual bool has_motion() const { return false; }
   // Film position of a segment's contribution, so that drivers can sum path ends: width of the full film.

@@ -77,6 +77,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
       resident_(resident),
       shading_(Shading::build(manifest.scene, {.texture_budget = texture_budget}, warnings)) {
   motion_ = manifest.moves;
+  shape_lights_ = static_cast<std::uint32_t>(manifest.shape_lights.size());
   subsurface_ = shading_->has_subsurface();
   shutter_ = shutter_of(manifest.scene.camera);
   footprint_ = shading_->needs_footprint();
@@ -251,7 +252,7 @@ PartId PathTracer::trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) c
   s.best = {hit.t, hit.shape, hit.primitive};
   const PartId next = untested(list, s, hit);
   // What was hit here may have been unloaded meanwhile.
-  return !next && hit.part != kNone && !set.has(hit.part) ? PartId{hit.part} : next;
+  return !next && hit.part < kAnsweredPart && !set.has(hit.part) ? PartId{hit.part} : next;
 }
 
 // Eight rays at once, for which nothing has been tested: packets find the same bits as single rays (tested), faster.

@@ -33,6 +33,8 @@ class PathTracer final : public PathEngine {
   void shade(SegmentBatch& batch, ShadeOutput& out) const override;
   std::vector<bool> occluded(std::span<const OcclusionRay> rays, std::span<const float> times,
                              std::span<std::uint8_t> blocked) const override;
+  void nearest(std::span<const OcclusionRay> rays, std::span<AnsweredHit> hits) const override;
+  void mark_tested(PathSegment& segment, float t_max, const std::vector<bool>& answered) const override;
   bool has_motion() const override { return motion_; }
   std::uint32_t film_width() const override { return job_.film.frame.width; }
 
@@ -71,6 +73,7 @@ class PathTracer final : public PathEngine {
   bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::has_v2_disk)
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool footprint_;
+  std::uint32_t shape_lights_;  // their number
   bool motion_;      // some instance moves: rays have times
   bool subsurface_;  // some material has a medium inside
   Shutter shutter_;

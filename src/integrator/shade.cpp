@@ -35,6 +35,7 @@ Vec3Of<F> lit_side(const BsdfOf<F>& bsdf, const Vec3Of<F>& ns, const Vec3Of<F>& 
 
 SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material,
                                          std::uint32_t& light, bool derivatives) const {
+  if (hit.geometry == kAnsweredHit) return surface(answered[hit.index], hit, material, light, derivatives);
   const Part& part = hit.instance == kNone ? set.part(hit.part) : set.prototype(hit.part, hit.instance);
   SurfacePoint p;
   const Transform* to_world = nullptr;
@@ -332,11 +333,11 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   shadows.lights.reserve(batch.size());
   out.continuing.reserve(out.continuing.size() + batch.size());
   out.ended.reserve(out.ended.size() + batch.size());
-  Shader shader{*this, *set, out, shadows};
+  Shader shader{*this, *set, out, shadows, batch.surfaces};
   EightShader eight(shader, batch);
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const std::uint32_t part = batch.hits[i].part;
-    if (part != kNone && !set->has(part)) {
+    if (part < kAnsweredPart && !set->has(part)) {
       out.absent.segments.push_back(batch.segments[i]);
       out.absent.hits.push_back(batch.hits[i]);
       out.absent.next.emplace_back(part);

@@ -115,6 +115,7 @@ struct PathTracer::Shader {
   const ResidentSet& set;
   ShadeOutput& out;
   Shadows& shadows;
+  const std::vector<AnsweredSurface>& answered;  // of the batch
 
   // The path under work, in its batch.
   PathSegment* path = nullptr;
@@ -169,6 +170,7 @@ struct PathTracer::Shader {
   }
 
   SurfacePoint surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
+  SurfacePoint surface(const AnsweredSurface& s, const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
   Footprint footprint(const SurfacePoint& p, float t) const;
   void vertex(const Hit& hit);
   // Takes the path under work through the media before its surface at t, or infinity. False: it stays in them, and has

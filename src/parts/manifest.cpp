@@ -46,6 +46,7 @@ void write(const Manifest& m, proto::Manifest& out) {
     e->set_loaded_bytes(p.loaded_bytes);
     e->set_triangles(p.triangles);
     e->mutable_prototypes()->Add(p.prototypes.begin(), p.prototypes.end());
+    e->set_features(p.features);
   }
   for (const PrototypeInfo& p : m.prototypes) {
     proto::PrototypeEntry* e = out.add_prototypes();
@@ -92,6 +93,7 @@ const char* read(const proto::Manifest& in, Manifest& m) {
       if (prototype >= m.prototypes.size()) return "a part needs a prototype that is not there";
       p.prototypes.push_back(prototype);
     }
+    p.features = e.features();
     m.parts.push_back(std::move(p));
   }
   for (const std::uint32_t id : in.shape_lights()) {

@@ -171,6 +171,7 @@ struct PartInfo {
   std::uint64_t loaded_bytes = 0;    // predicted: vertices, indices and BVH
   std::uint64_t triangles = 0;       // instanced ones not counted
   std::vector<std::uint32_t> prototypes;  // that its instances need
+  std::uint32_t features = 0;             // PartFeature bits, of its prototypes too; 0: an older split does not tell
 };
 
 struct PrototypeInfo {

@@ -1,3 +1,4 @@
+#include "parts/features.h"
 #include "parts/part_builder.h"
 
 #include <xxhash.h>
@@ -117,9 +118,13 @@ void PartBuilder::add_chunk(const MeshChunk& attributes, const ChunkData& data) 
       break;
     }
   chunks_.push_back(c);
+  alpha_ = alpha_ || c.alpha_texture != kNone || c.shadow_alpha_texture != kNone;
 }
 
-void PartBuilder::add_quadric(const QuadricRecord& quadric) { quadrics_.push_back(quadric); }
+void PartBuilder::add_quadric(const QuadricRecord& quadric) {
+  quadrics_.push_back(quadric);
+  alpha_ = alpha_ || quadric.alpha_texture != kNone;
+}
 void PartBuilder::add_instance(const InstanceRecord& instance, std::span<const MotionRecord> motions) {
   for (MotionRecord m : motions) {
     m.instance = checked_u32(instances_.size());
@@ -130,6 +135,7 @@ void PartBuilder::add_instance(const InstanceRecord& instance, std::span<const M
 
 void PartBuilder::add_curve_piece(const CurveGroup& group, const CurveRecord& record, const CurvePiece& piece,
                                   std::span<const std::uint32_t> segments) {
+  alpha_ = alpha_ || group.alpha_texture != kNone || group.shadow_alpha_texture != kNone;
   if (segments.empty()) return;
   CurveRecord r = record;
   const std::string key(reinterpret_cast<const char*>(&group), sizeof group);
@@ -163,6 +169,12 @@ void PartBuilder::add_brick(const BrickRecord& brick, std::span<const float> sam
   checked_u32(densities_.size() + samples.size());
   bricks_.push_back(b);
   densities_.append(samples);
+}
+
+std::uint32_t PartBuilder::features() const {
+  return (triangles_.size() ? kHasTriangles : 0u) | (quadrics_.size() ? kHasQuadrics : 0u) |
+         (curve_segments_.size() ? kHasCurves : 0u) | (bricks_.size() ? kHasBricks : 0u) |
+         (instances_.size() ? kHasInstances : 0u) | (alpha_ ? kHasAlpha : 0u) | (motions_.size() ? kHasMotion : 0u);
 }
 
 std::uint64_t PartBuilder::predicted_bytes() const {
@@ -203,6 +215,7 @@ PartBuilder::Layout PartBuilder::finish() {
             raw(l.primitive_ids), raw(l.chunks),  raw(l.quadrics), raw(l.instances),
             raw(l.curve_points), raw(l.curve_normals), raw(l.curves), raw(l.curve_segments), raw(l.curve_groups),
             raw(l.motions),      raw(l.bricks),  raw(l.densities)};
+  alpha_ = false;
   group_of_.clear();
   for (std::uint32_t s = kBaseSections; s < kSectionCount; ++s)
     if (!l.data[s].empty()) l.header.section_count = s + 1;

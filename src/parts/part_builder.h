@@ -84,6 +84,7 @@ class PartBuilder {
     return triangles_.size() + quadrics_.size() + instances_.size() + curve_segments_.size() + bricks_.size() == 0;
   }
   std::uint64_t predicted_bytes() const;
+  std::uint32_t features() const;  // PartFeature bits
 
   struct File {
     std::uint64_t bytes = 0, checksum = 0;
@@ -112,6 +113,7 @@ class PartBuilder {
   BulkWriter<MotionRecord> motions_;
   BulkWriter<BrickRecord> bricks_;
   BulkWriter<float> densities_;
+  bool alpha_ = false;
 };
 
 }  // namespace cloudrenderer

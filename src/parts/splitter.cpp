@@ -142,6 +142,7 @@ class SceneSplitter::Work {
   std::vector<bool> in_main_;               // by row
   std::vector<bool> lifted_;                // by row as read: of objects, and now of the world
   std::vector<std::uint64_t> checksums_;
+  std::vector<std::uint32_t> prototype_features_;
   Bounds3 instance_box_;  // and of the bricks
   Manifest manifest_;
 };
@@ -279,6 +280,7 @@ void SceneSplitter::Work::write_prototype(std::uint32_t index) {
     info.loaded_bytes = builder.predicted_bytes();
     info.triangles = builder.triangle_count();
     info.shapes = prototype.shape_count;
+    prototype_features_.push_back(builder.features());
     const auto blob = static_cast<std::uint32_t>(manifest_.prototypes.size());
     const PartBuilder::File written = builder.write(prototype_path(out_, blob));
     info.file_bytes = written.bytes;
@@ -435,6 +437,8 @@ bool SceneSplitter::Work::write_part(std::span<Item> items, PartMaker& make, boo
   for (const Item& i : items)
     if (i.source == kInstanceItem) prototypes.insert(records[i.primitive].prototype);
   info.prototypes.assign(prototypes.begin(), prototypes.end());
+  info.features = builder.features();
+  for (const std::uint32_t p : prototypes) info.features |= prototype_features_[p];
   info.boxes = tight_boxes(items);
   const PartBuilder::File file =
       builder.write(part_path(out_, static_cast<std::uint32_t>(manifest_.parts.size())));

@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <bit>
 #include <iterator>
 
+#include "tasks/answers.h"
 #include "tasks/work.h"
 
 namespace cloudrenderer {
@@ -9,10 +9,6 @@ namespace {
 
 constexpr std::size_t kChunk =
     2048;  // segments of a leaving chunk at most, so that blocks stay small
-
-bool bit(std::span<const std::uint64_t> bits, std::size_t i) {
-  return (bits[i / 64] >> (i % 64) & 1u) != 0;
-}
 
 template <class T>
 void append(std::vector<T>& to, std::vector<T>&& from) {
@@ -81,9 +77,11 @@ class Buckets {
 struct SegmentBucket {
   std::vector<PathSegment> segments;
   std::vector<Hit> hits;
-  void add(const PathSegment& s, const Hit& hit) {
+  std::vector<AnsweredSurface> surfaces;
+  void add(const PathSegment& s, const Hit& hit, const std::vector<AnsweredSurface>& answered) {
     segments.push_back(s);
     hits.push_back(hit);
+    if (hit.geometry == kAnsweredHit) keep_surface(hits.back(), answered, surfaces);
   }
 };
 
@@ -92,7 +90,7 @@ void leave(To to, SegmentBucket& b, std::vector<Leaving>& out) {
   if (b.segments.empty()) return;
   out.push_back({to,
                  {std::make_shared<const std::vector<PathSegment>>(std::move(b.segments)),
-                  std::move(b.hits)}});
+                  std::move(b.hits), std::move(b.surfaces)}});
   b = {};
 }
 
@@ -101,11 +99,11 @@ class PageBuckets {
  public:
   PageBuckets(const Routing& routing, WorkResult& r) : routing_(routing), result_(r) {}
   // False: the part is no such part.
-  bool add(PartId part, const PathSegment& s, const Hit& hit) {
+  bool add(PartId part, const PathSegment& s, const Hit& hit, const std::vector<AnsweredSurface>& answered) {
     if (!routing_.paged(part)) return false;
     buckets_.resize(routing_.part_count());
     SegmentBucket& b = buckets_[part.value];
-    b.add(s, hit);
+    b.add(s, hit, answered);
     if (b.segments.size() == kChunk) leave(part, b, result_.paged);
     return true;
   }
@@ -154,14 +152,14 @@ void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
         batch.next[kept++] = PartId();
         continue;
       }
-      if (pages.add(batch.next[i], batch.segments[i], batch.hits[i])) continue;
+      if (pages.add(batch.next[i], batch.segments[i], batch.hits[i], batch.surfaces)) continue;
       if (batch.next[i].value == batch.hits[i].part) {
         r.next.push_back(restarted(batch.segments[i]));
         continue;
       }
       const Routing::Slot s = routing.target(batch.next[i]);
       SegmentBucket& b = buckets.at(s);
-      b.add(batch.segments[i], batch.hits[i]);
+      b.add(batch.segments[i], batch.hits[i], batch.surfaces);
       if (b.segments.size() == kChunk) leave(remote_host(routing, s), b, r.leaving);
     }
     buckets.for_each([&](HostId to, SegmentBucket& b) { leave(to, b, r.leaving); });
@@ -171,30 +169,6 @@ void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
     batch.next.resize(kept);
   }
   r.to_shade = std::move(batch);
-}
-
-// Appends what another host gave back, with its newer masks.
-void take_back(TraceWork::Returned& returned, SegmentBatch& batch) {
-  const wire::TracerReply& reply = returned.reply;
-  std::size_t i = 0, miss = 0;
-  for (const KeptSegments& kept : returned.kept) {
-    for (std::size_t k = 0; k < kept.segments->size(); ++k, ++i) {
-      if (reply.count != 0 && bit(reply.accepted, i)) continue;
-      PathSegment s = (*kept.segments)[k];
-      if (reply.count != 0) {
-        const std::uint16_t window = reply.windows.empty() ? std::uint16_t{0} : reply.windows[miss];
-        if (window > s.window) {
-          s.window = window;
-          s.tested = reply.tested[miss];
-        } else if (window == s.window) {
-          s.tested |= reply.tested[miss];
-        }
-        ++miss;
-      }
-      batch.segments.push_back(s);
-      batch.hits.push_back(kept.hits[k]);
-    }
-  }
 }
 
 // Answers the blocks that lie from `at` on in the traced batch, and leaves only the accepted
@@ -233,7 +207,7 @@ WorkResult run(const PathEngine& engine, Work& work, TraceWork& w) {
   SegmentBatch batch;
   for (auto& segments : w.local) append(batch.segments, std::move(segments));
   batch.hits.resize(batch.segments.size());
-  for (TraceWork::Returned& returned : w.returned) take_back(returned, batch);
+  for (const TraceWork::Returned& returned : w.returned) take_back(engine, returned, batch);
   const std::size_t own = batch.size();
   for (const TraceWork::Arrived& a : w.arrived) {
     for (const auto& chunk : a.block.chunks) {
@@ -328,6 +302,9 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
   WorkResult r;
   SegmentBatch batch;
   for (SegmentBatch& b : w.batches) {
+    for (Hit& h : b.hits)
+      if (h.geometry == kAnsweredHit) h.index += static_cast<std::uint32_t>(batch.surfaces.size());
+    append(batch.surfaces, std::move(b.surfaces));
     append(batch.segments, std::move(b.segments));
     append(batch.hits, std::move(b.hits));
     append(batch.next, std::move(b.next));
@@ -338,7 +315,7 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
   r.counts = out.counts;
   PageBuckets pages(*work.routing, r);
   for (std::size_t i = 0; i < out.absent.size(); ++i)
-    if (!pages.add(out.absent.next[i], out.absent.segments[i], out.absent.hits[i]))
+    if (!pages.add(out.absent.next[i], out.absent.segments[i], out.absent.hits[i], {}))
       r.next.push_back(restarted(out.absent.segments[i]));
   pages.finish();
   EndsByOwner ends(r);
@@ -364,6 +341,10 @@ WorkResult run(const PathEngine& engine, Work& work, OccludeWork& w) {
   WorkResult r;
   std::vector<std::uint8_t> blocked;
   for (OccludeWork::Asked& a : w.asked) {
+    if (a.block.nearest) {
+      r.replies.emplace_back(a.from, wire::Reply{a.id, work.routing->epoch(), answer_nearest(engine, a.block)});
+      continue;
+    }
     const std::size_t n = a.block.size();
     wire::OcclusionReply reply;
     reply.count = static_cast<std::uint32_t>(n);

@@ -14,6 +14,8 @@ constexpr std::uint64_t kAbsurdMemory = std::uint64_t{1} << 50;
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
+std::string quoted(const std::string& text) { return text.empty() ? "unknown" : '"' + text + '"'; }
+
 }  // namespace
 
 bool ManagerCore::can(const wire::Hello& hello, wire::Category category) {
@@ -53,18 +55,22 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
                   " TiB of memory; up to " + std::to_string(kAbsurdMemory >> 40) +
                   " TiB are believed");
   if (next_host_ > kMaxHost) return refuse("the job has had too many hosts");
-  if (fingerprint_ && *fingerprint_ != hello.fingerprint() && !options_.allow_inexact &&
-      !hello.allow_inexact())
+  if ((hello.fingerprint() == 0 || (fingerprint_ && *fingerprint_ != hello.fingerprint())) &&
+      !options_.allow_inexact && !hello.allow_inexact())
     return refuse(std::string("the host computes other bits than ") +
                   (options_.fingerprint ? "those in the checkpoint" : "the cluster") +
-                  " (numeric fingerprint); --allow-inexact lets it join");
+                  " (numeric fingerprint; instruction set " + quoted(hello.instruction_set()) + " against " +
+                  quoted(instruction_sets()) + "); --allow-inexact lets it join");
+  if (!can(hello, wire::TRACER) && !can(hello, wire::INTERSECTION))
+    return refuse("the host neither traces nor intersects: there is no work for it");
   const std::uint64_t least = main_bytes() + job_.parts[0].build;
   if (can(hello, wire::TRACER) && hello.memory() < least)
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +
                   " MiB, but what every host must hold needs " + std::to_string((least >> 20) + 1) +
                   " MiB");
-  if (!fingerprint_) fingerprint_ = hello.fingerprint();
-  bit_exact_ = bit_exact_ && *fingerprint_ == hello.fingerprint();
+  // A host that says of itself that it computes in another way sets no measure for those that follow.
+  if (!fingerprint_ && hello.fingerprint() != 0) fingerprint_ = hello.fingerprint();
+  bit_exact_ = bit_exact_ && fingerprint_ == hello.fingerprint();
 
   const HostId id(next_host_++);
   Host& h = hosts_[id];
@@ -76,6 +82,7 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   h.entry.set_incarnation(hello.incarnation());
   h.entry.set_memory(hello.memory());
   h.entry.set_threads(hello.threads());
+  h.entry.set_only_intersects(!h.traces());
   reports_[id].hello = hello;
   reports_[id].joined = now;
 
@@ -90,6 +97,15 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
   if (phase_ != Phase::gathering) place_all(now);
   return id;
+}
+
+std::string ManagerCore::instruction_sets() const {
+  std::set<std::string> sets;
+  for (const auto& [id, h] : hosts_)
+    if (h.hello.fingerprint() == fingerprint_) sets.insert(h.hello.instruction_set());
+  std::string text;
+  for (const std::string& s : sets) text += (text.empty() ? "" : ", ") + s;
+  return text;
 }
 
 double ManagerCore::Host::threads() const {

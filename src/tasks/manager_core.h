@@ -146,6 +146,7 @@ class ManagerCore {
   bool bit_exact() const { return bit_exact_; }
 
  private:
+  static bool can(const wire::Hello& hello, wire::Category category);
   struct Host {
     wire::HostEntry entry;
     wire::Hello hello;
@@ -161,6 +162,7 @@ class ManagerCore {
     std::uint64_t unforeseen =
         0;  // bytes of the main scene that no part's prediction has: textures
     bool complete() const { return started && holds.size() == wanted.size(); }
+    bool traces() const { return can(hello, wire::TRACER); }  // else segments are asked of it, not moved
     double threads() const;  // as many as a host can sensibly have
     std::uint64_t outstanding_paths = 0;
     std::uint32_t outstanding_tasks = 0;
@@ -175,8 +177,6 @@ class ManagerCore {
     HostId host;
     std::uint32_t twin = 0;  // the other copy of the same range, under another number
   };
-
-  static bool can(const wire::Hello& hello, wire::Category category);
 
   // manager_plan.cpp: what hosts shall hold
   // What hosts shall hold from now on; with `drop`, surplus copies may go to make room.
@@ -205,6 +205,7 @@ class ManagerCore {
 
   // manager_core.cpp: who is there, and who holds what
   std::uint64_t main_bytes() const;
+  std::string instruction_sets() const;  // of the hosts that set the measure
   void new_map(bool generation, const Plan* with_drops = nullptr);
   void send_host_list();
   void handle(HostId from, Host& h, wire::LoadReport& m, double now);

@@ -1,6 +1,7 @@
 // What hosts shall hold: plans, and how they come about.
 #include <algorithm>
 
+#include "parts/features.h"
 #include "tasks/manager_core.h"
 
 namespace cloudrenderer {
@@ -8,6 +9,13 @@ namespace {
 
 constexpr double kExpectationWeighs = 1e5;  // rays
 constexpr double kQuiet = 0.1;              // seconds of queued work: less makes no difference among hosts
+
+constexpr const char* kNoTracer = "no host that is there can trace paths; to intersect is not enough";
+
+// Hosts that only intersect describe the triangle that was hit: parts with anything else are not for them.
+bool can_be_answered(const std::string& feature) {
+  return feature == kFeatureTriangles || feature == kFeatureAlpha || feature == kFeatureInstances;
+}
 
 bool has_feature(const wire::Hello& hello, const std::string& feature) {
   const auto& all = hello.features();
@@ -56,9 +64,7 @@ PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
   in.prototype_bytes = job_.prototype_bytes;
   in.min_replication = options_.replication;
   in.seed = job_.seed;
-  const auto eligible = [&](const Host& h) {
-    return (!h.leaving || (with_leaving && h.released == 0)) && can(h.hello, wire::TRACER);
-  };
+  const auto eligible = [&](const Host& h) { return !h.leaving || (with_leaving && h.released == 0); };
   // The copies that stay with Keep::one_copy: of every part one, that is loaded if any is.
   std::vector<const Host*> keepers(job_.parts.size());
   for (const auto& [id, h] : hosts_) {
@@ -69,13 +75,14 @@ PlacementInput ManagerCore::placement(bool with_leaving, Keep keep) const {
   for (const auto& [id, h] : hosts_) {
     if (!eligible(h)) continue;
     PlacementHost host{id, h.hello.memory() - std::min(h.hello.memory(), h.unforeseen),
-                       h.threads(), {}, {}};
+                       h.threads(), {}, {}, h.traces()};
     host.cannot.assign(h.declined.begin(), h.declined.end());
     for (const PartId p : h.wanted)
       if (keep == Keep::all || keepers[p.value] == &h) host.holds.push_back(p);
     for (std::size_t p = 0; p < job_.part_features.size(); ++p)
       for (const std::string& f : job_.part_features[p])
-        if (!has_feature(h.hello, f)) host.cannot.emplace_back(static_cast<std::uint32_t>(p));
+        if (!has_feature(h.hello, f) || (!h.traces() && !can_be_answered(f)))
+          host.cannot.emplace_back(static_cast<std::uint32_t>(p));
     in.hosts.push_back(std::move(host));
   }
   return in;
@@ -94,6 +101,7 @@ ManagerCore::Plan ManagerCore::plan_of(const PlacementInput& in, std::vector<std
 
 Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, Keep keep) const {
   const PlacementInput in = placement(with_leaving, keep);
+  if (std::ranges::none_of(in.hosts, &PlacementHost::traces)) return Result<Plan>::failure(kNoTracer);
   auto placed = place(in);
   if (!placed) return Result<Plan>::failure(placed.error());
   return plan_of(in, std::move(*placed));
@@ -102,8 +110,9 @@ Result<ManagerCore::Plan> ManagerCore::plan(bool with_leaving, Keep keep) const 
 // For hosts that have not memory enough for everything.
 Result<ManagerCore::Plan> ManagerCore::plan_paged(bool with_leaving) const {
   const PlacementInput in = placement(with_leaving, Keep::all);
+  if (std::ranges::none_of(in.hosts, &PlacementHost::traces)) return Result<Plan>::failure(kNoTracer);
   for (const PlacementHost& h : in.hosts)
-    if (!has_feature(hosts_.at(h.host).hello, "paging"))
+    if (h.traces && !has_feature(hosts_.at(h.host).hello, "paging"))
       return Result<Plan>::failure("host " + std::to_string(h.host.value) + " cannot load parts for a while");
   auto placed = place_paged(in);
   if (!placed) return Result<Plan>::failure(placed.error());
@@ -214,7 +223,7 @@ bool ManagerCore::everything_held(bool by_leaving) const {
   bool someone = false;
   for (const auto& [id, h] : hosts_) {
     if (!h.started || (h.leaving && (!by_leaving || h.released != 0))) continue;
-    someone = true;
+    someone = someone || h.traces();
     for (const PartId p : h.holds) {
       if (!held[p.value]) ++n;
       held[p.value] = true;

@@ -23,7 +23,7 @@ class Placer {
       hosts_[h].has.resize(in.parts.size());
       hosts_[h].cannot.resize(in.parts.size());
       for (const PartId p : in.hosts[h].cannot) hosts_[h].cannot[p.value] = true;
-      add(h, 0);
+      if (in.hosts[h].traces) add(h, 0);
       for (const PartId p : in.hosts[h].holds)
         if (p.value != 0) add(h, p.value);
     }
@@ -58,7 +58,7 @@ class Placer {
       free -= static_cast<double>(cost({}, p)) * static_cast<double>(hosts_.size() - copies);
       if (free < 0) return;
       for (std::size_t h = 0; h < hosts_.size(); ++h)
-        if (can_take(h, p)) add(h, p);
+        if (can_take(h, p, true)) add(h, p);
       total_load_ -= load(p);  // every host's own: nothing to share out
       for (Host& host : hosts_) host.load -= host.has[p] ? load(p) : 0;
     }
@@ -81,7 +81,7 @@ class Placer {
     std::size_t last = kNobody;
     for (const std::size_t p : order_) {
       if (copies_[p] > copy) continue;
-      const std::size_t h = neighbours ? choose(p, copy, last) : roomiest(p);
+      const std::size_t h = neighbours ? choose(p, copy, last) : roomiest(p, copy);
       last = h;
       if (h == kNobody)
         all = false;
@@ -99,6 +99,7 @@ class Placer {
       page = std::max(page, cost({}, p) - part.bytes + (part.page != 0 ? part.page : part.bytes + part.build));
     }
     for (std::size_t h = 0; h < hosts_.size(); ++h) {
+      if (!in_.hosts[h].traces) continue;  // it is never who needs a part
       // What stays is built before pages come, or they go for it: the two need room in turn.
       hosts_[h].build = std::max(hosts_[h].build, page);
       without = h;
@@ -165,9 +166,10 @@ class Placer {
     host.has[p] = true;
     ++copies_[p];
   }
-  bool can_take(std::size_t h, std::size_t p) const {
+  // spare: one more copy than must be.
+  bool can_take(std::size_t h, std::size_t p, bool spare = false) const {
     const Host& host = hosts_[h];
-    if (host.has[p] || host.cannot[p]) return false;
+    if (host.has[p] || host.cannot[p] || (spare && !in_.hosts[h].traces)) return false;
     return host.used + cost(host, p) + std::max(host.build, in_.parts[p].build) <=
            in_.hosts[h].memory;
   }
@@ -183,12 +185,13 @@ class Placer {
     return hosts_[h].load + 0.5 * load(p) <= share * total_load_ * copies;
   }
   std::size_t choose(std::size_t p, std::uint32_t copy, std::size_t last) const {
-    if (last != kNobody && can_take(last, p) && balanced(last, p, copy + 1))
+    const bool spare = copy >= in_.min_replication;
+    if (last != kNobody && can_take(last, p, spare) && balanced(last, p, copy + 1))
       return last;  // beside its neighbour
     std::size_t best = kNobody;
     std::pair<bool, std::uint64_t> best_rank{};
     for (std::size_t h = 0; h < hosts_.size(); ++h) {
-      if (!can_take(h, p)) continue;
+      if (!can_take(h, p, spare)) continue;
       const std::uint64_t dice =
           mix64(in_.seed ^ mix64((std::uint64_t{in_.hosts[h].host.value} << 32) + p) ^ copy);
       const std::pair rank{balanced(h, p, copy + 1), dice};
@@ -198,11 +201,11 @@ class Placer {
     }
     return best;
   }
-  std::size_t roomiest(std::size_t p) const {
+  std::size_t roomiest(std::size_t p, std::uint32_t copy = 0) const {
     std::size_t best = kNobody;
     std::uint64_t most = 0;
     for (std::size_t h = 0; h < hosts_.size(); ++h) {
-      if (!can_take(h, p)) continue;
+      if (!can_take(h, p, copy >= in_.min_replication)) continue;
       if (best != kNobody && room(h) <= most) continue;
       best = h;
       most = room(h);
@@ -235,6 +238,10 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
     Placer placer(input);
     room = 0;
     for (std::size_t h = 0; h < input.hosts.size(); ++h) {
+      if (!input.hosts[h].traces) {
+        room += input.hosts[h].memory;
+        continue;
+      }
       if (placer.main_bytes() > input.hosts[h].memory)
         return Placement::failure("host " + std::to_string(input.hosts[h].host.value) +
                                   " may use " + mebibytes(input.hosts[h].memory) +

@@ -25,6 +25,7 @@ struct PlacementHost {
   double speed = 1;            // > 0, in any unit: its share of the visits
   std::vector<PartId> holds;   // stay where they are: a placement only adds
   std::vector<PartId> cannot;  // parts whose features the host lacks
+  bool traces = true;  // else it only intersects: it needs no main scene, and more copies than must be save no moves
 };
 struct PlacementInput {
   std::vector<PlacementPart> parts;  // [0] is the main scene's, on every host; in spatial order

@@ -6,6 +6,11 @@
 #include "base/random.h"
 
 namespace cloudrenderer {
+namespace {
+
+constexpr float kAskingCosts = 0.1f;  // seconds of load: the answer is to be waited for, and shaded here
+
+}  // namespace
 
 Routing::Routing(const wire::SceneHostMap& map, HostId self, float alpha)
     : epoch_(map.epoch()),
@@ -17,6 +22,7 @@ Routing::Routing(const wire::SceneHostMap& map, HostId self, float alpha)
   for (const wire::HostEntry& e : map.hosts()) {
     hosts_.emplace_back(e.host());
     load_.push_back(static_cast<float>(e.load_s()));
+    only_intersects_.push_back(e.only_intersects());
   }
   bits_.resize(hosts_.size() * words_);
   std::vector<std::vector<Slot>> holders(parts);
@@ -50,8 +56,9 @@ Routing::Routing(const wire::SceneHostMap& map, HostId self, float alpha)
     for (const Slot s : list) {
       const std::uint64_t tie =
           mix64((std::uint64_t{self.value} << 40) ^ (std::uint64_t{p} << 16) ^ s);
-      if (load_[s] > best || (load_[s] == best && tie <= best_tie)) continue;
-      best = load_[s];
+      const float rank = load_[s] + (only_intersects_[s] ? kAskingCosts : 0.f);
+      if (rank > best || (rank == best && tie <= best_tie)) continue;
+      best = rank;
       best_tie = tie;
       target_[p] = s;
     }

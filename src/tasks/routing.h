@@ -29,6 +29,11 @@ class Routing {
   HostId host(Slot s) const { return hosts_[s]; }
   Slot slot(HostId h) const;  // kNoSlot when unknown
   float load(Slot s) const { return load_[s]; }
+  // The host is asked about segments, which stay where they are.
+  bool only_intersects(HostId h) const {
+    const Slot s = slot(h);
+    return s != kNoSlot && only_intersects_[s];
+  }
   bool holds(Slot s, PartId p) const {
     return p.value == 0 || (p.value < part_count() &&
                             (bits_[s * words_ + p.value / 64] >> (p.value % 64) & 1u) != 0);
@@ -39,7 +44,7 @@ class Routing {
   // Holders of a part in the order of slots; empty for an unknown part.
   std::span<const Slot> holders(PartId p) const;
   // The host to which a segment goes whose nearest untested candidate is this part: this host
-  // itself if it holds it, else the least loaded holder (holders of equal load share by a hash of
+  // itself if it holds it, else the least loaded holder, rather one that segments can move to (holders of equal load share by a hash of
   // this host and the part); or kNoSlot.
   Slot target(PartId p) const { return p.value < target_.size() ? target_[p.value] : kNoSlot; }
 
@@ -50,6 +55,7 @@ class Routing {
   std::size_t words_ = 0;
   std::vector<HostId> hosts_;
   std::vector<float> load_;
+  std::vector<bool> only_intersects_;
   std::vector<std::uint64_t> bits_;          // host-major
   std::vector<std::uint32_t> first_holder_;  // part -> range of holder_slots_
   std::vector<Slot> holder_slots_;

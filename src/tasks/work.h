@@ -22,6 +22,7 @@ namespace cloudrenderer {
 struct KeptSegments {
   wire::SegmentChunk segments;
   std::vector<Hit> hits;
+  std::vector<AnsweredSurface> surfaces{};  // of hits that other hosts have answered
 };
 // Paths that wait for one answer each; arrays of equal length but for `parts`.
 struct ParkedAsks {
@@ -79,6 +80,10 @@ struct TraceWork {  // tracer: local segments, blocks of other hosts, and what o
   struct Returned {
     std::vector<KeptSegments> kept;
     wire::TracerReply reply;  // count 0: not asked at all, every segment looks for another way
+    // Instead, of a host that only intersects, with all that it held by the map at which it was asked.
+    wire::NearestReply nearest{};
+    HostId by{};
+    RoutingPtr at{};
   };
   std::vector<Returned> returned;
 };

@@ -366,7 +366,9 @@ void WorkerCore::handle(HostId from, wire::Reply& m) {
   auto* traced = std::get_if<wire::TracerReply>(&m.payload);
   auto* occluded = std::get_if<wire::OcclusionReply>(&m.payload);
   const bool refused = std::holds_alternative<wire::Refusal>(m.payload);
-  const bool fits = refused || (segments && traced && traced->count == w.count) ||
+  auto* nearest = std::get_if<wire::NearestReply>(&m.payload);
+  const bool fits = refused || (segments && !w.nearest && traced && traced->count == w.count) ||
+                    (segments && w.nearest && nearest && nearest->count == w.count) ||
                     (asks && occluded && occluded->count == w.count);
   if (task.target != from || !fits) return void(++dropped_);
 
@@ -391,7 +393,9 @@ void WorkerCore::handle(HostId from, wire::Reply& m) {
   move(task, h_collected);
   if (traced) {
     const std::size_t misses = traced->tested.size();
-    ready_returned(m.id, {std::move(*segments), std::move(*traced)}, misses);
+    ready_returned(m.id, {std::move(*segments), std::move(*traced), {}, {}, {}}, misses);
+  } else if (nearest) {
+    ready_returned(m.id, {std::move(*segments), {}, std::move(*nearest), from, done.at}, done.count);
   } else {
     ready_resolve(m.id, {std::move(*asks), from, done.at, std::move(*occluded)}, done.count);
   }

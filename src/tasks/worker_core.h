@@ -124,6 +124,7 @@ class WorkerCore {
     std::variant<std::vector<KeptSegments>, std::vector<ParkedAsks>> kept;
     RoutingPtr at;
     std::size_t count = 0;
+    bool nearest = false;  // segments that the other host was only asked about
   };
   struct Renderer {  // a renderer task of this host
     Uuid id;

@@ -5,6 +5,23 @@
 #include "tasks/worker_core.h"
 
 namespace cloudrenderer {
+namespace {
+
+// For a host that only intersects: it needs no more of a path than its ray, up to what is known to be hit.
+wire::OcclusionBlock rays_of(const std::vector<KeptSegments>& kept) {
+  auto rays = std::make_shared<std::vector<OcclusionRay>>();
+  for (const KeptSegments& k : kept)
+    for (std::size_t i = 0; i < k.hits.size(); ++i) {
+      const PathSegment& s = (*k.segments)[i];
+      rays->push_back({s.origin, s.direction, k.hits[i].t});
+    }
+  wire::OcclusionBlock block;
+  block.nearest = true;
+  block.chunks.push_back(std::move(rays));
+  return block;
+}
+
+}  // namespace
 
 using enum TaskMove;
 
@@ -154,6 +171,7 @@ void WorkerCore::send_segments(HostId to, Gather& g) {
     std::vector<KeptSegments> kept;
     wire::SegmentBlock block;
     block.columns = columns_;
+    const bool asks = routing_->only_intersects(to);
     std::size_t n = 0;
     while (i < chunks.size() && n < options_.block_segments) {
       n += chunks[i].segments->size();
@@ -161,11 +179,18 @@ void WorkerCore::send_segments(HostId to, Gather& g) {
       kept.push_back(std::move(chunks[i++]));
     }
     move(id, f_submitted);
-    waiting_.emplace(id, Waiting{std::move(kept), routing_, n});
     ++g.segment_blocks_out;
-    counters_.set_moved(counters_.moved() + n);
     counters_.set_blocks_sent(counters_.blocks_sent() + 1);
-    send(to, wire::SubmitTask{id, routing_->epoch(), routing_->generation(), std::move(block)});
+    wire::SubmitTask submit{id, routing_->epoch(), routing_->generation(), {}};
+    if (asks) {
+      submit.payload = rays_of(kept);
+      counters_.set_nearest_asked(counters_.nearest_asked() + n);
+    } else {
+      submit.payload = std::move(block);
+      counters_.set_moved(counters_.moved() + n);
+    }
+    waiting_.emplace(id, Waiting{std::move(kept), routing_, n, asks});
+    send(to, std::move(submit));
   }
 }
 
@@ -190,7 +215,7 @@ void WorkerCore::send_asks(HostId to, Gather& g) {
       kept.push_back(std::move(chunks[i++]));
     }
     move(id, f_submitted);
-    waiting_.emplace(id, Waiting{std::move(kept), routing_, n});
+    waiting_.emplace(id, Waiting{std::move(kept), routing_, n, false});
     ++g.ask_blocks_out;
     counters_.set_shadow_asked(counters_.shadow_asked() + n);
     counters_.set_blocks_sent(counters_.blocks_sent() + 1);

@@ -16,13 +16,21 @@ struct Hit {
   float u = 0, v = 0;                    // Embree's barycentrics: p = (1-u-v) a + u b + v c; of curves CurveHit's
   std::uint32_t part = 0xffffffffu;      // none: nothing hit here (t, shape, primitive may be another host's hit)
   std::uint32_t instance = 0xffffffffu;  // index into the part's instances
-  std::uint32_t geometry = 0;            // 0 triangles, 1 quadrics, kCurveHit, kBrickHit
+  std::uint32_t geometry = 0;            // 0 triangles, 1 quadrics, kCurveHit, kBrickHit, kAnsweredHit
   std::uint32_t index = 0;               // triangle, quadric or curve segment in the part, or in the prototype of the instance
   std::uint32_t shape = 0xffffffffu;
   std::uint32_t primitive = 0xffffffffu;
 };
 
 inline constexpr std::uint32_t kCurveHit = 2, kBrickHit = 3;
+// A hit in a part that another host has intersected for this one; `geometry` of no part, see AnsweredSurface.
+inline constexpr std::uint32_t kAnsweredHit = 4, kAnsweredPart = 0xfffffffeu;
+
+// Nearest hits are ordered by distance, then shape, then primitive, so that it does not matter who finds them.
+inline bool comes_before(float t, std::uint32_t shape, std::uint32_t primitive, const Hit& hit) {
+  if (t != hit.t) return t < hit.t;
+  return shape != hit.shape ? shape < hit.shape : primitive < hit.primitive;
+}
 
 // What a ray must know to collide with bricks of density grids.
 struct BrickRay {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "wire/codec.h"
+#include "wire/columns.h"
 
 namespace cloudrenderer::wire {
 namespace {
@@ -15,52 +16,6 @@ static_assert(sizeof(OcclusionRay) == 28);
 
 // Renderer tasks beyond this are refused: their bookkeeping would be absurdly large.
 constexpr std::uint64_t kMaxTaskPixels = 1u << 16, kMaxTaskPaths = 1u << 26;
-
-class ColumnWriter {
- public:
-  explicit ColumnWriter(std::span<std::byte> out) : at_(out.data()) {}
-  template <class T>
-  void put(const T& v) {
-    std::memcpy(at_, &v, sizeof v);
-    at_ += sizeof v;
-  }
-  void put_low(const void* v, std::size_t bytes) {
-    if (bytes == 0) return;  // v may be null
-    std::memcpy(at_, v, bytes);
-    at_ += bytes;
-  }
-
- private:
-  std::byte* at_;
-};
-
-class ColumnReader {
- public:
-  explicit ColumnReader(std::span<const std::byte> in) : at_(in.data()) {}
-  template <class T>
-  void get(T& v) {
-    std::memcpy(&v, at_, sizeof v);
-    at_ += sizeof v;
-  }
-  // Sign-extends.
-  std::int64_t get_int(std::size_t bytes) {
-    std::uint64_t v = 0;
-    std::memcpy(&v, at_, bytes);
-    at_ += bytes;
-    const auto shift = static_cast<int>(64 - 8 * bytes);
-    return static_cast<std::int64_t>(v << shift) >> shift;
-  }
-  Int128 get_int128(std::size_t bytes) {
-    if (bytes <= 8) return get_int(bytes);
-    std::uint64_t low;
-    get(low);
-    const std::int64_t high = get_int(bytes - 8);
-    return static_cast<Int128>(high) * (static_cast<Int128>(1) << 64) + low;
-  }
-
- private:
-  const std::byte* at_;
-};
 
 // Bytes that hold v in two's complement.
 std::uint32_t width_of(std::int64_t v) {
@@ -97,7 +52,6 @@ std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes) {
 std::size_t ray_bytes(const SubmitControl& c) { return sizeof(OcclusionRay) + (c.times() ? sizeof(float) : 0); }
 std::size_t end_bytes(std::size_t radiance_bytes) { return 16 + 3 * radiance_bytes; }
 std::size_t miss_bytes(const ReplyControl& c) { return c.windows() ? 10 : 8; }
-std::size_t words(std::size_t bits) { return (bits + 63) / 64; }
 
 template <class F>
 void for_segments(const SegmentBlock& block, F f) {
@@ -105,21 +59,10 @@ void for_segments(const SegmentBlock& block, F f) {
     for (const PathSegment& s : *chunk) f(s);
 }
 
-// NaN fails every comparison.
-bool within(float v, float limit) { return v >= -limit && v <= limit; }
-bool within(const Vec3& v, float limit) {
-  return within(v.x, limit) && within(v.y, limit) && within(v.z, limit);
-}
 bool is_direction(const Vec3& d) {
   if (!within(d, 2.f)) return false;
   const float length2 = d.x * d.x + d.y * d.y + d.z * d.z;
   return length2 > 0.98f && length2 < 1.02f;
-}
-bool at_least_zero(float v) { return v >= 0.f; }
-
-template <class T>
-Result<Message> failure(const T& why) {
-  return Result<Message>::failure(why);
 }
 
 Result<Message> read_segments(SubmitTask m, const SubmitControl& c,
@@ -203,13 +146,10 @@ Result<Message> read_rays(SubmitTask m, const SubmitControl& c, std::span<const 
       if (!within(t, std::numeric_limits<float>::max())) return failure("a ray's time is not finite");
     block.times.push_back(std::move(times));
   }
+  block.nearest = c.nearest();
   block.chunks.push_back(std::move(rays));
   m.payload = std::move(block);
   return Message(std::move(m));
-}
-
-bool trailing_bits(std::span<const std::uint64_t> bits, std::size_t count) {
-  return count % 64 != 0 && (bits.back() >> (count % 64)) != 0;
 }
 
 }  // namespace
@@ -241,6 +181,7 @@ SubmitControl control_of(const SubmitTask& m) {
     const auto& rays = std::get<OcclusionBlock>(m.payload);
     c.set_count(static_cast<std::uint32_t>(rays.size()));
     c.set_times(!rays.times.empty());
+    c.set_nearest(rays.nearest);
   }
   return c;
 }
@@ -260,6 +201,8 @@ ReplyControl control_of(const Reply& m) {
   } else if (const auto* occlusion = std::get_if<OcclusionReply>(&m.payload)) {
     c.set_category(INTERSECTION);
     c.set_count(occlusion->count);
+  } else if (const auto* nearest = std::get_if<NearestReply>(&m.payload)) {
+    set_control(*nearest, c);
   } else {
     const auto& renderer = std::get<RendererReply>(m.payload);
     std::uint32_t width = 1;
@@ -302,7 +245,7 @@ std::size_t bulk_bytes(const Reply&, const ReplyControl& c) {
     case TRACER:
       return 8 * words(c.count()) + miss_bytes(c) * c.misses();
     case INTERSECTION:
-      return 8 * words(c.count());
+      return 8 * words(c.count()) + (c.nearest() ? hit_bytes(c) * c.hits() : 0);
     default:
       return c.count() * (8 + 6 * std::size_t{c.sum_bytes()});
   }
@@ -366,6 +309,8 @@ void write_bulk(const Reply& m, const ReplyControl& c, std::span<std::byte> out)
     w.put_low(tracer->windows.data(), 2 * tracer->windows.size());
   } else if (const auto* occlusion = std::get_if<OcclusionReply>(&m.payload)) {
     w.put_low(occlusion->blocked.data(), 8 * words(occlusion->count));
+  } else if (const auto* nearest = std::get_if<NearestReply>(&m.payload)) {
+    write_nearest(*nearest, c, w);
   } else if (const auto* renderer = std::get_if<RendererReply>(&m.payload)) {
     for (const PixelSums& p : renderer->sums) w.put(p.count);
     for (const PixelSums& p : renderer->sums)
@@ -438,6 +383,8 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
     if (trailing_bits(r.accepted, n) || accepted + r.tested.size() != n)
       return failure("a reply's bits do not match its masks");
     m.payload = std::move(r);
+  } else if (c.category() == INTERSECTION && c.nearest()) {
+    return read_nearest(std::move(m), c, bulk);
   } else if (c.category() == INTERSECTION) {
     if (bulk.size() != 8 * words(n)) return failure("a reply has the wrong length");
     OcclusionReply r;

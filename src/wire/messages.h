@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "film/film.h"
+#include "integrator/answered_hit.h"
 #include "integrator/path_segment.h"
 #include "wire/messages.pb.h"
 
@@ -56,6 +57,7 @@ struct SegmentBlock {
 struct OcclusionBlock {
   std::vector<RayChunk> chunks;
   std::vector<TimeChunk> times;  // of the rays, chunk by chunk; empty in jobs where nothing moves
+  bool nearest = false;  // the nearest hits are asked for, not only whether there are any
   std::size_t size() const {
     std::size_t n = 0;
     for (const auto& c : chunks) n += c->size();
@@ -81,6 +83,11 @@ struct OcclusionReply {
   std::vector<std::uint64_t> blocked;  // bit i: ray i
   std::uint32_t count = 0;
 };
+struct NearestReply {
+  std::vector<std::uint64_t> found;  // bit i: ray i hits something
+  std::vector<AnsweredHit> hits;     // of these, in order
+  std::uint32_t count = 0;
+};
 struct RendererReply {
   std::uint32_t task = 0;
   std::vector<PixelSums> sums;             // row by row over the task's tile
@@ -91,7 +98,7 @@ struct Refusal {};  // "not a holder at your epoch": nothing was done
 struct Reply {
   TaskUuid id;
   std::uint32_t epoch = 0;  // of the replier
-  std::variant<Refusal, TracerReply, OcclusionReply, RendererReply> payload;
+  std::variant<Refusal, TracerReply, OcclusionReply, RendererReply, NearestReply> payload;
 };
 
 // Ends of paths, to the owner of their renderer tasks. Not answered.

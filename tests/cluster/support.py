@@ -1,4 +1,5 @@
 """A cluster of real processes for the tests: starts managers and workers on the loopback, and leaves none behind."""
+import json
 import os
 import pathlib
 import signal
@@ -39,6 +40,10 @@ def free_ports(count):
     return ports
 
 
+def json_of(path):
+    return json.loads(pathlib.Path(path).read_text())
+
+
 def wait_until_listening(port, seconds=20):
     """True when somebody listens; looks at the kernel's table, so that no connection is made."""
     wanted = f"0100007F:{port:04X}"
@@ -55,11 +60,11 @@ def wait_until_listening(port, seconds=20):
 class Process:
     """A running program whose output goes to a file. `prefix`: a command that becomes the program (`ip netns exec`)."""
 
-    def __init__(self, name, arguments, folder, mark, prefix=()):
+    def __init__(self, name, arguments, folder, mark, prefix=(), program=None):
         self.name = name
         self.log = folder / f"{name}.log"
         with open(self.log, "w") as log:
-            self.child = subprocess.Popen([str(a) for a in [*prefix, PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
+            self.child = subprocess.Popen([str(a) for a in [*prefix, program or PROGRAM, *arguments]], stdout=log, stderr=subprocess.STDOUT,
                                           stdin=subprocess.DEVNULL, env=os.environ | {MARK: mark},
                                           preexec_fn=measure.die_with_parent)
 

@@ -51,6 +51,7 @@ struct Node {
   std::uint64_t hosts_version = 0;
   std::uint32_t busy = 0;
   bool alive = true;
+  bool traces = true;  // else it only intersects
   bool going = false;  // an event has struck it
   double slowness = 1;
   double wake = 0;     // the next timer that is set

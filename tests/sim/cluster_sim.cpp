@@ -56,6 +56,7 @@ class Simulation {
 
   Outcome run() {
     for (std::uint32_t i = 0; i < s_.hosts; ++i) at(dice_.real() * 0.05, [this] { join(); });
+    for (std::uint32_t i = 0; i < s_.intersectors; ++i) at(dice_.real() * 0.05, [this] { join(false); });
     for (const Scenario::Event& e : s_.events) at(e.at, [this, e] { happen(e); });
     pump(*nodes_[0]);
     while (!events_.empty() && !manager_.finished() && now_ < kEndOfTime && out_.error.empty() &&
@@ -83,7 +84,7 @@ class Simulation {
     o.keep_merged = true;
     if (const auto made = header_of(journal)) o.fixed_tile = made->tile;
     o.incarnation = incarnation_of(kManager);
-    o.min_hosts = s_.hosts;
+    o.min_hosts = s_.hosts + s_.intersectors;
     o.replication = s_.replication;
     return o;
   }
@@ -132,9 +133,12 @@ class Simulation {
   }
 
   // ---- hosts ----
-  void join() {
+  void join(bool traces = true) {
     wire::Hello hello;
+    if (!traces)
+      for (const auto c : {wire::LOADER, wire::UNLOADER, wire::INTERSECTION}) hello.add_categories(c);
     hello.set_protocol(wire::kProtocolVersion);
+    hello.set_fingerprint(1);
     hello.set_threads(s_.threads);
     hello.set_memory(s_.memory);
     hello.set_path_credits(s_.worker.path_credits);
@@ -151,6 +155,8 @@ class Simulation {
     options.threads = s_.threads;
     node->core = std::make_unique<WorkerCore>(*id, incarnation_of(*id), options);
     node->loader = std::make_unique<Loader>(s_);
+    node->traces = traces;
+    if (!traces) node->loader->engine.resident.clear();  // the main scene is others'
     node->slowness = std::pow(s_.unevenness, dice_.real());
     node->wake = kEndOfTime * 2;
     nodes_.push_back(std::move(node));
@@ -161,7 +167,20 @@ class Simulation {
   void come_back(Node& n) {
     if (!n.alive || n.going || manager_.finished()) return;
     n.alive = false;
-    at(now_ + 0.1, [this] { join(); });
+    at(now_ + 0.1, [this, traces = n.traces] { join(traces); });
+  }
+  // Who may be struck: hosts that live, as long as one that traces will be left.
+  std::vector<Node*> up_hosts() const {
+    std::vector<Node*> up;
+    std::size_t tracers = 0;
+    for (auto& n : nodes_) {
+      if (!n->core || !n->alive || n->going) continue;
+      up.push_back(n.get());
+      tracers += n->traces;
+    }
+    if (tracers < 2) std::erase_if(up, [](const Node* n) { return n->traces; });
+    else if (up.size() < 2) up.clear();
+    return up;
   }
   void happen(const Scenario::Event& event) {
     using Kind = Scenario::Event::Kind;
@@ -173,10 +192,8 @@ class Simulation {
       cancelled_ = true;
       return pump(*nodes_[0]);
     }
-    std::vector<Node*> up;
-    for (auto& n : nodes_)
-      if (n->core && n->alive && !n->going) up.push_back(n.get());
-    if (up.size() < 2) return;
+    const std::vector<Node*> up = up_hosts();
+    if (up.empty()) return;
     Node& n = *up[dice_.below(up.size())];
     n.going = true;
     if (kind == Kind::leave) {
@@ -193,9 +210,7 @@ class Simulation {
 
   // A link that stays cut costs one of the two hosts its place: neither is struck by anything else.
   void cut(double seconds) {
-    std::vector<Node*> up;
-    for (auto& n : nodes_)
-      if (n->core && n->alive && !n->going) up.push_back(n.get());
+    std::vector<Node*> up = up_hosts();
     if (up.size() < 2) return;
     std::swap(up[0], up[dice_.below(up.size())]);
     std::swap(up[1], up[1 + dice_.below(up.size() - 1)]);
@@ -379,6 +394,7 @@ class Simulation {
       out_.paged_in += report.last.counters().paged_in();
       out_.moved += report.last.counters().moved();
       out_.asked += report.last.counters().shadow_asked();
+      out_.nearest_asked += report.last.counters().nearest_asked();
       out_.wasted += report.last.counters().wasted_paths();
       out_.dropped += report.last.counters().dropped_messages();
     }

@@ -41,6 +41,7 @@ struct Scenario {
   MadeUpScene scene;
   std::uint32_t height = 8, spp = 4;
   std::uint32_t hosts = 2;  // from the start
+  std::uint32_t intersectors = 0;  // more of them, which only intersect
   std::uint32_t threads = 1;
   std::uint32_t replication = 1;
   std::uint64_t memory = 0;  // of each host; a part has about 100
@@ -71,6 +72,7 @@ struct Outcome {
   std::uint64_t unloaded = 0;     // parts, in the middle of a job
   std::uint64_t cut = 0;          // links between hosts that lived on
   std::uint64_t frames = 0, moved = 0, asked = 0, wasted = 0, dropped = 0;
+  std::uint64_t nearest_asked = 0;  // segments, of hosts that only intersect
   std::uint32_t generations = 0;
   std::uint64_t restored = 0;  // paths, from the journal
 };

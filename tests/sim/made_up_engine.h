@@ -39,7 +39,7 @@ class MadeUpEngine final : public PathEngine {
       s.owner = owner;
       s.pixel = (r.y0 + pixel / width) * scene_.width + r.x0 + pixel % width;
       s.sample = r.sample_begin + static_cast<std::uint32_t>(i % samples);
-      s.origin = Vec3(unit(mix64(scene_.seed ^ (std::uint64_t{s.pixel} << 32 | s.sample))), 1, 2);
+      s.origin = Vec3(unit(mix64(scene_.seed ^ (std::uint64_t{s.pixel} << 32 | s.sample))), s.pixel, place(s));
       s.direction = {0, 0, 1};
       s.throughput = Vec3(1, 0.5f, 0.25f);
       out.push_back(s);
@@ -57,7 +57,7 @@ class MadeUpEngine final : public PathEngine {
   void shade(SegmentBatch& batch, ShadeOutput& out) const override {
     for (std::size_t i = 0; i < batch.size(); ++i) {
       const std::uint32_t part = batch.hits[i].part;
-      if (part == 0xffffffffu || resident.contains(part)) {
+      if (part >= kAnsweredPart || resident.contains(part)) {
         shade_one(batch.segments[i], batch.hits[i], out);
         continue;
       }
@@ -78,6 +78,23 @@ class MadeUpEngine final : public PathEngine {
     for (const std::uint32_t p : resident) tested[p] = true;
     return tested;
   }
+  void nearest(std::span<const OcclusionRay> rays, std::span<AnsweredHit> hits) const override {
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const std::uint64_t key = key_of(rays[i].origin);
+      Hit hit;
+      hit.t = rays[i].t_max;
+      for (const Candidate& c : candidates(key))
+        if (resident.contains(c.part)) hit_part(key, c, hit);
+      hits[i] = {};
+      if (hit.part != 0xffffffffu) hits[i] = {hit.t, 0, 0, hit.shape, hit.primitive, {}};
+    }
+  }
+  void mark_tested(PathSegment& s, float, const std::vector<bool>& answered) const override {
+    const auto list = candidates(key_of(s));
+    const std::size_t first = std::size_t{64} * s.window;
+    for (std::size_t i = first; i < std::min(list.size(), first + 64); ++i)
+      if (answered[list[i].part]) s.tested |= std::uint64_t{1} << (i - first);
+  }
   std::uint32_t film_width() const override { return scene_.width; }
 
  private:
@@ -88,10 +105,14 @@ class MadeUpEngine final : public PathEngine {
   };
 
   static float unit(std::uint64_t h) { return to_unit(static_cast<std::uint32_t>(h >> 32)); }
-  std::uint64_t key_of(const PathSegment& s) const {
-    return mix64(mix64(scene_.seed + (std::uint64_t{s.pixel} << 32 | s.sample)) + s.vertex * 77u +
-                 std::bit_cast<std::uint32_t>(s.origin.x));
+  // A ray alone tells whose it is: its origin has the pixel in y, sample and vertex in z.
+  static float place(const PathSegment& s) { return static_cast<float>(s.sample * 64 + s.vertex); }
+  std::uint64_t key_of(const Vec3& origin) const {
+    const auto pixel = static_cast<std::uint64_t>(origin.y);
+    const auto z = static_cast<std::uint64_t>(origin.z);
+    return mix64(mix64(scene_.seed + (pixel << 32 | z / 64)) + z % 64 * 77u + std::bit_cast<std::uint32_t>(origin.x));
   }
+  std::uint64_t key_of(const PathSegment& s) const { return key_of(s.origin); }
   std::uint64_t key_of(const OcclusionRay& r) const {
     return mix64(scene_.seed * 3 + (std::uint64_t{std::bit_cast<std::uint32_t>(r.origin.x)} << 32) +
                  std::bit_cast<std::uint32_t>(r.origin.y));
@@ -153,7 +174,7 @@ class MadeUpEngine final : public PathEngine {
       next = PartId(list[i].part);
       return;
     }
-    if (hit.part != 0xffffffffu && !resident.contains(hit.part)) next = PartId(hit.part);
+    if (hit.part < kAnsweredPart && !resident.contains(hit.part)) next = PartId(hit.part);
   }
 
   void shade_one(const PathSegment& s, const Hit& hit, ShadeOutput& out) const {
@@ -170,6 +191,7 @@ class MadeUpEngine final : public PathEngine {
     const bool ends = escaped || s.vertex + 1u >= scene_.vertices || mix64(key + 9) % 8 == 0;
     n.vertex = static_cast<std::uint16_t>(s.vertex + 1);
     n.origin.x = unit(mix64(key + 10));
+    n.origin.z = place(n);
     n.throughput *= 0.9f;
     std::uint16_t flags = 0;
     if (ends && mix64(key + 11) % 512 == 0) flags |= kEndInvalid;

@@ -36,6 +36,7 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
     total.frames += o.frames;
     total.moved += o.moved;
     total.asked += o.asked;
+    total.nearest_asked += o.nearest_asked;
     total.wasted += o.wasted;
     total.seconds += o.seconds;
     total.restored += o.restored;
@@ -50,6 +51,7 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
   // The runs did what they are for.
   EXPECT_GT(total.moved, seeds);
   EXPECT_GT(total.asked, seeds);
+  EXPECT_GT(total.nearest_asked, seeds);
   EXPECT_GT(total.generations, seeds / 20);
   EXPECT_GT(total.restored, seeds);
   EXPECT_GT(total.paged_in, seeds);
@@ -57,7 +59,7 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
   EXPECT_GT(total.unloaded, seeds / 20);
   EXPECT_GT(total.cut, seeds / 20);
   std::cout << seeds << " seeds, " << total.seconds << " virtual seconds, " << total.frames
-            << " frames, " << total.moved << " moves, " << total.asked << " asks, " << total.wasted
+            << " frames, " << total.moved << " moves, " << total.asked << " asks, " << total.nearest_asked << " segments asked about, " << total.wasted
             << " wasted paths, hosts lost in " << total.generations << " runs, " << total.restored
             << " paths restored, " << total.cancelled << " second copies cancelled, "
             << total.unloaded << " parts unloaded, " << total.cut << " links cut, "
