@@ -9,6 +9,7 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tools"))
+import quota  # noqa: E402
 import speed_error  # noqa: E402
 
 # A pbrt-v3 that is ours: its command line, our renderer.
@@ -44,18 +45,20 @@ class TimeAt(unittest.TestCase):
         self.assertEqual(speed_error.targets(rows((1, 3e-2), (4, 4e-3))), [2e-2, 1e-2, 5e-3])
 
 
+def run_tool(*options):
+    return subprocess.run(["/usr/bin/python3", ROOT / "tools" / "speed_error.py", "--program", PROGRAM, *options],
+                          capture_output=True, text=True, timeout=300)
+
+
 class Tool(unittest.TestCase):
-    def run_tool(self, *options):
-        return subprocess.run(["/usr/bin/python3", ROOT / "tools" / "speed_error.py", "--program", self.program, *options],
-                              capture_output=True, text=True, timeout=300)
 
     def test_two_tiny_scenes(self):
         with tempfile.TemporaryDirectory() as scratch:
             pbrt = pathlib.Path(scratch, "pbrt")
-            pbrt.write_text(PBRT.format(program=self.program))
+            pbrt.write_text(PBRT.format(program=PROGRAM))
             os.chmod(pbrt, 0o755)
             out = pathlib.Path(scratch, "out")
-            done = self.run_tool(
+            done = run_tool(
                 "--scene", ROOT / "scenes" / "killeroo" / "killeroo-path.pbrt", "--scene",
                 ROOT / "scenes" / "cornell-box" / "cornell-small.pbrt", "--pixels", "400", "--spp", "2,8", "--truth-spp", "128",
                 "--runs", "1", "--pbrt-v3", pbrt, "--mitsuba", "auto", "--variants", "scalar_rgb", "--plots", "auto", "--out", out)
@@ -80,11 +83,36 @@ class Tool(unittest.TestCase):
             self.assertNotIn("src=\"http", page)
 
     def test_too_few_samples_for_the_truth_are_refused(self):
-        done = self.run_tool("--spp", "64", "--truth-spp", "128")
+        done = run_tool("--spp", "64", "--truth-spp", "128")
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("--truth-spp", done.stderr)
 
 
+class Hosts(unittest.TestCase):
+    def test_one_and_two_hosts_with_a_share_of_a_core(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            out = pathlib.Path(scratch, "out")
+            done = run_tool("--scene", ROOT / "scenes" / "cornell-box" / "cornell-small.pbrt", "--pixels", "400", "--spp", "2,8",
+                            "--truth-spp", "64", "--runs", "1", "--hosts", "1,2", "--plots", "never", "--out", out)
+            print(done.stdout)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            rows = json.loads((out / "speed_cluster.json").read_text())["scenes"]["cornell-small"]["rows"]
+            self.assertEqual(list(rows), ["1", "2"])
+            for one, two in zip(rows["1"], rows["2"]):
+                self.assertEqual(one["error"], two["error"])
+                self.assertAlmostEqual(two["cost"], 2 * two["render_s"])
+                self.assertGreater(two["bytes_per_path"], 0)
+                self.assertTrue(0 <= two["waiting"] <= 1)
+            self.assertEqual((out / "speed_cluster.html").read_text().count("<h2>"), 1)
+
+
 if __name__ == "__main__":
-    Tool.program = pathlib.Path(sys.argv.pop(1)).resolve()
+    PROGRAM = pathlib.Path(sys.argv.pop(1)).resolve()
+    if "Hosts" in sys.argv:
+        try:
+            with quota.Groups():
+                pass
+        except quota.NotPermitted as why:
+            print(f"SKIPPED: {why}")
+            sys.exit(77)
     unittest.main()

@@ -17,6 +17,8 @@ import quota
 import speed_programs
 import speed_report
 
+LEAST_MEMORY = 4 << 20  # of a host: tiny scenes need room for a part that is built
+
 
 def add_options(parser):
     parser.add_argument("--share", type=float, default=0.2, help="of a core, that every host has")
@@ -28,7 +30,7 @@ def add_options(parser):
 def frame(args, split, size, hosts, spp, resolution, seed):
     """One run by so many hosts, which have memory for a share of the scene if they are several: the report, with the picture."""
     held = 1.5 if hosts == 1 else max(args.held, 1.25 / hosts)
-    memory = int(held * size["peak"])
+    memory = max(LEAST_MEMORY, int(held * size["peak"]))
     return local_cluster.render(args.program, split, [args.share] * hosts,
                                 ["--spp", spp, "--resolution", "{}x{}".format(*resolution), "--seed", seed], memory,
                                 args.timeout)

@@ -29,6 +29,7 @@ import sys
 
 import numpy as np
 
+import local_cluster
 import measure
 import pbrt_text
 import speed_cluster
@@ -90,23 +91,33 @@ def converged(args, case, program):
     return np.load(kept)
 
 
+def busy_seconds():
+    """Of all processors of the machine."""
+    ticks, idle = local_cluster.processor_ticks()
+    return (ticks - idle) / os.sysconf("SC_CLK_TCK")
+
+
 def measure_case(args, case, programs):
-    """All runs of a scene: {program: {spp: [run]}}, and the converged pictures."""
+    """All runs of a scene: {program: {spp: [run]}}, the converged pictures, and what share of the processor time meanwhile was not
+    theirs."""
     truths = {}
     for program in programs:  # the first of those that share one makes it
         truths.setdefault(program.truth_of(), converged(args, case, program))
     runs = {p.name: {spp: [] for spp in args.spp} for p in programs}
+    used, began = 0., busy_seconds()
     for turn in range(args.runs):
         for spp in args.spp:
             for p in programs:
                 sample = p.run(case, spp, turn)
+                used += sample.cpu
                 found = measure.compare(sample.picture, truths[p.truth_of()])
                 runs[p.name][spp].append({
                     "wall": sample.wall, "cpu": sample.cpu, "render_wall": sample.render_wall,
                     "render_cpu": sample.render_cpu, "relmse": found.relmse, "trimmed": found.trimmed,
                     "bad": sample.bad, "phases": sample.phases})
         print(f"  {case.name}: turn {turn + 1} of {args.runs}", flush=True)
-    return runs, {p.name: truths[p.truth_of()] for p in programs}
+    others = 1 - used / max(busy_seconds() - began, used)
+    return runs, {p.name: truths[p.truth_of()] for p in programs}, others
 
 
 TIMES = ("render_cpu", "render_wall", "cpu", "wall")
@@ -147,8 +158,12 @@ def analyse(runs):
     ratios = {name: {kind: measure.median([theirs[kind][0] / ours[kind][0] for theirs, ours
                                            in zip(reached[name], reached[speed_programs.Ours.name])]) for kind in TIMES}
               for name in rows if name != speed_programs.Ours.name}
-    phases = {name: {k: measure.median([r["phases"][k][1] for f in found.values() for r in f]) for k in
-                     next(iter(found.values()))[0]["phases"]} for name, found in runs.items()}
+    phases = {}
+    for name, found in runs.items():
+        all_ = [r["phases"] for by_spp in found.values() for r in by_spp]
+        phases[name] = {k: measure.median([p[k][1] for p in all_]) for k in all_[0]}
+        if "compile" in all_[0]:
+            phases[name]["compile without its cache"] = max(p["compile"][1] for p in all_)
     return {"rows": rows, "targets": wanted, "reached": reached, "ratios": ratios, "phases": phases}
 
 
@@ -177,9 +192,9 @@ def against_peers(args):
                "truth_spp": args.truth_spp, "command": " ".join(["tools/speed_error.py", *sys.argv[1:]]), "scenes": {}}
     truths = {}
     for case in prepare(args, programs):
-        runs, truths[case.name] = measure_case(args, case, programs)
+        runs, truths[case.name], others = measure_case(args, case, programs)
         found = analyse(runs) | {"runs": runs, "notes": case.model.notes, "resolution": case.resolution,
-                                 "depth": case.model.depth}
+                                 "depth": case.model.depth, "others": others}
         own = truths[case.name][speed_programs.Ours.name]
         found["means"] = {name: measure.compare(own, t).mean_ratio for name, t in truths[case.name].items()}
         results["scenes"][case.name] = found
@@ -210,8 +225,8 @@ def main():
     parser.add_argument("--variants", type=lambda t: t.split(","), default=["llvm_ad_rgb", "scalar_rgb"])
     for version in ("v2", "v3", "v4"):
         parser.add_argument(f"--pbrt-{version}", type=pathlib.Path, metavar="BINARY")
-    parser.add_argument("--ours", choices=("v2", "v3", "v4"), help="the version of the scene that we render; default: its own. "
-                        "v4's coats are like Mitsuba's, v2's and v3's plastic reflects much more (see to_mitsuba.py)")
+    parser.add_argument("--ours", choices=("v2", "v3", "v4"),
+                        help="the version of the scene's text that we render; default: its own")
     to_mitsuba.add_coats_option(parser)
     parser.add_argument("--hosts", type=numbers, metavar="N,N,...", help="measure the cluster with so many hosts")
     speed_cluster.add_options(parser)
