@@ -9,12 +9,9 @@
 #include "cluster/render.h"
 #include "film/camera.h"
 #include "film/film.h"
-#include "integrator/job.h"
+#include "integrator/scene_needs.h"
 #include "parts/split.h"
 #include "parts_support.h"
-#include "shading/lights.h"
-#include "shading/material.h"
-#include "shading/media.h"
 #include "shapes/geometry.h"
 
 namespace cloudrenderer {
@@ -34,9 +31,7 @@ inline void check_scene(const SceneDescription& scene, Warnings& warnings) {
   const JobSettings job = job_settings(scene, {}, warnings);
   Camera::build(scene.camera, job.film.frame, scene.dialect, warnings);
   Filter::build(scene.filter, warnings, scene.dialect);
-  Shading::check(scene, warnings);
-  Lights::check(scene, warnings);
-  Media::check(scene, warnings);
+  scene_needs(scene, job, warnings);
 }
 
 inline ReadScene read_scene(const std::string& scene, const std::string& split_folder,

@@ -264,16 +264,16 @@ TEST(Materials, ReportUnusedParameters) {
 }
 
 TEST(Materials, NeedOnlyWhatTheyUse) {
-  EXPECT_FALSE(Built({material("plastic")}).shading->needs_uv());
-  EXPECT_FALSE(Built({material("substrate")}).shading->needs_uv());
-  EXPECT_TRUE(Built({material("substrate", {real_param("uroughness", 0.2f)})}).shading->needs_uv());
+  EXPECT_FALSE(Built({material("plastic")}).shading->needs().uv);
+  EXPECT_FALSE(Built({material("substrate")}).shading->needs().uv);
+  EXPECT_TRUE(Built({material("substrate", {real_param("uroughness", 0.2f)})}).shading->needs().uv);
   const std::vector textures{texture("c", "constant", false, {rgb_param("value", Rgb(0.7f))}),
                              texture("u", "uv", false)};
   EXPECT_FALSE(Built({material("matte", {texture_param("Kd", "c")})}, Dialect::v2, textures)
-                   .shading->needs_uv());
+                   .shading->needs().uv);
   const Built uv({material("matte", {texture_param("Kd", "u")})}, Dialect::v2, textures);
-  EXPECT_TRUE(uv.shading->needs_uv());
-  EXPECT_FALSE(uv.shading->needs_footprint());
+  EXPECT_TRUE(uv.shading->needs().uv);
+  EXPECT_FALSE(uv.shading->needs().footprint);
   SurfacePoint p = plane();
   p.uv = {0.25f, 0.5f};
   EXPECT_NEAR(uv.at(p).lobe(0).scale.x, 0.25f, 1e-6f);
@@ -286,7 +286,7 @@ TEST(BumpMaps, TiltTheNormalByTheSlope) {
                              real_param("v10", 0.5f), real_param("v11", 0.5f)});
   for (const Dialect d : {Dialect::v2, Dialect::v3}) {
     const Built b({material("matte", {texture_param("bumpmap", "ramp")})}, d, {ramp});
-    EXPECT_TRUE(b.shading->needs_uv());
+    EXPECT_TRUE(b.shading->needs().uv);
     SurfacePoint p = plane();
     p.uv = {0.3f, 0.4f};
     const Bsdf bsdf = b.shading->bsdf(0, p, {0, 0, 1}, {});
@@ -305,7 +305,7 @@ TEST(BumpMaps, TiltTheNormalByTheSlope) {
 TEST(BumpMaps, ConstantHeightsAndDegenerateTangentsChangeNothing) {
   const auto flat = texture("flat", "constant", true, {real_param("value", 3.f)});
   const Built b({material("matte", {texture_param("bumpmap", "flat")})}, Dialect::v2, {flat});
-  EXPECT_FALSE(b.shading->needs_uv());
+  EXPECT_FALSE(b.shading->needs().uv);
   const auto ramp = texture("ramp", "bilerp", true);
   const Built c({material("matte", {texture_param("bumpmap", "ramp")})}, Dialect::v2, {ramp});
   SurfacePoint p = plane();

@@ -113,7 +113,7 @@ SubsurfacePoint inside(const std::vector<MaterialDesc>& materials, Dialect diale
   SurfacePoint p;
   p.uv = uv;
   found = shading->subsurface(static_cast<std::uint32_t>(materials.size() - 1), p, {}, out);
-  EXPECT_EQ(shading->has_subsurface(), found);
+  EXPECT_EQ(shading->needs().subsurface, found);
   return out;
 }
 

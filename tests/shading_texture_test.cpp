@@ -291,7 +291,7 @@ TEST_F(Textures, AlphaLooksUpFloatTextures) {
   EXPECT_EQ(shading->alpha(0, {0.7f, 0.2f}, Vec3(0.f)), 0.f);
   EXPECT_EQ(shading->alpha(1, {0.2f, 0.2f}, Vec3(0.f)), 0.f);
   EXPECT_EQ(shading->alpha(9, {0.2f, 0.2f}, Vec3(0.f)), 1.f);
-  EXPECT_FALSE(shading->needs_uv());  // alpha has its own coordinates
+  EXPECT_FALSE(shading->needs().uv);  // alpha has its own coordinates
 }
 
 TEST(TexturePoint, FindsTheFootprintInUv) {

@@ -6,6 +6,12 @@ add_test(NAME tools.generate_scene
   COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_generate_scene_test.py $<TARGET_FILE:generate_scene>)
 set_tests_properties(tools.check_layers tools.check_layers_finds tools.generate_scene
   PROPERTIES LABELS unit TIMEOUT 60)
+# Instructions, by valgrind's callgrind; skipped aloud without it.
+if(TARGET cloudrenderer)
+  add_test(NAME tools.feature_cost
+    COMMAND /usr/bin/python3 ${PROJECT_SOURCE_DIR}/tools/feature_cost.py --program $<TARGET_FILE:cloudrenderer> --check)
+  set_tests_properties(tools.feature_cost PROPERTIES LABELS slow TIMEOUT 1200 SKIP_RETURN_CODE 77)
+endif()
 # Hosts with a share of a core each; skipped aloud where control groups are not permitted.
 if(TARGET cloudrenderer)
   add_test(NAME tools.bench_survival

@@ -6,10 +6,9 @@
 
 #include "cli/commands.h"
 #include "cli/size.h"
+#include "cluster/job_start.h"
+#include "parts/features.h"
 #include "scene/language.h"
-#include "shading/lights.h"
-#include "shading/material.h"
-#include "shading/media.h"
 
 namespace cloudrenderer {
 namespace {
@@ -25,6 +24,7 @@ class CountingSink final : public SceneSink {
     ++shapes[shape.type];
     if (shape.area_light) ++emissive;
     if (shape.motion) ++moving;
+    if (shape.params.has("alpha") || shape.params.has("shadowalpha")) ++masked;
   }
   void instance(const InstanceDesc& instance, const SceneDescription&) override {
     ++instances;
@@ -32,7 +32,7 @@ class CountingSink final : public SceneSink {
   }
 
   Counts shapes;
-  std::uint64_t objects = 0, instances = 0, emissive = 0, moving = 0;
+  std::uint64_t objects = 0, instances = 0, emissive = 0, moving = 0, masked = 0;
 };
 
 template <class List>
@@ -80,11 +80,45 @@ void print_use(const LanguageUse& use) {
   }
 }
 
-// What hosts would find wrong, or not have, when they build materials and lights.
-void check(const SceneDescription& scene, Warnings& warnings) {
-  Shading::check(scene, warnings);
-  Lights::check(scene, warnings);
-  Media::check(scene, warnings);
+// What shapes need (PartFeature bits), and how many shine.
+struct ShapeNeeds {
+  std::uint32_t features = 0;
+  std::uint64_t emissive = 0;
+};
+
+ShapeNeeds shape_needs(const CountingSink& sink) {
+  ShapeNeeds needs;
+  needs.emissive = sink.emissive;
+  for (const auto& [type, n] : sink.shapes) {
+    static constexpr auto kQuadrics =
+        std::to_array<std::string_view>({"sphere", "cylinder", "disk", "cone", "paraboloid", "hyperboloid"});
+    const bool quadric = std::ranges::find(kQuadrics, type) != kQuadrics.end();
+    needs.features |= quadric ? kHasQuadrics : type == "curve" ? kHasCurves : kHasTriangles;
+  }
+  if (sink.instances) needs.features |= kHasInstances;
+  if (sink.moving) needs.features |= kHasMotion;
+  if (sink.masked) needs.features |= kHasAlpha;
+  return needs;
+}
+
+// What is on and what is off: what a scene does not need is neither stored, nor sent, nor run.
+void print_model(const SceneNeeds& needs, const ShapeNeeds& shapes) {
+  const auto line = [](const char* what, bool on) { fmt::print("  {:<44}{}\n", what, on ? "on" : "off"); };
+  const auto has = [&](std::uint32_t feature) { return (shapes.features & feature) != 0; };
+  fmt::print("model\n");
+  line("textures filtered by ray footprints", needs.shading.footprint);
+  line("uv and tangents at hits", needs.shading.uv);
+  line("alpha masks", has(kHasAlpha));
+  line("motion: rays with times", has(kHasMotion) || needs.moving_camera);
+  line("instances: second transforms", has(kHasInstances));
+  line("quadrics", has(kHasQuadrics));
+  line("curves", has(kHasCurves));
+  line("lens: rays that start on it", needs.lens);
+  line("media", needs.media);
+  line("scattering below surfaces", needs.shading.subsurface);
+  line("surfaces that are passed through", needs.shading.null);
+  line("light from infinity", needs.infinite_light);
+  line("lights that rays find (weights of two samples)", needs.infinite_light || shapes.emissive > 0);
 }
 
 int info_of_split(const std::string& folder) {
@@ -111,7 +145,11 @@ int info_of_split(const std::string& folder) {
     fmt::print("  part {:<5} {:>10} triangles {:>12} {} boxes, {} prototypes\n", i,
                m.parts[i].triangles, format_size(m.parts[i].loaded_bytes), m.parts[i].boxes.size(),
                m.parts[i].prototypes.size());
-  check(m.scene, warnings);
+  ShapeNeeds shapes{0, m.shape_lights.size()};
+  for (const PartInfo& p : m.parts) shapes.features |= p.features;
+  const SceneNeeds needs = scene_needs(m.scene, job_settings(m.scene, {}, warnings), warnings);
+  print_model(needs, shapes);
+  fmt::print("{:<12}{} bytes on the wire, radiance left out\n", "path", wire::segment_bytes(columns_of(m, needs), 0));
   print_warnings(warnings.list());
   return kDone;
 }
@@ -128,10 +166,11 @@ int info_of_scene(const InfoOptions& options) {
   print_description(scene, use.dialect(), warnings);
   fmt::print("{:<12}{}\n", "emissive", sink.emissive);
   print_counts("shapes", sink.shapes);
-  check(scene, warnings);
+  const SceneNeeds needs = scene_needs(scene, job_settings(scene, {}, warnings), warnings);
   fmt::print("{:<12}{} instances of {} objects\n", "instancing", sink.instances, sink.objects);
   if (sink.moving || scene.camera.motion)
     fmt::print("{:<12}{} shapes and instances{}\n", "moving", sink.moving, scene.camera.motion ? ", the camera" : "");
+  print_model(needs, shape_needs(sink));
   print_use(use);
   fmt::print("{:<12}{}\n", "warnings", warnings.list().size());
   print_warnings(warnings.list());

@@ -41,17 +41,6 @@ std::optional<std::uint32_t> number_option(const wire::JobStart& start, const ch
   return value;
 }
 
-wire::ColumnSet columns_of(const Manifest& manifest) {
-  wire::ColumnSet columns = wire::kColumnPreviousNormal;
-  if (manifest.parts.size() > 2) columns |= wire::kColumnBestHit | wire::kColumnTested;
-  const SceneDescription& scene = manifest.scene;
-  const bool in_media = scene.dialect == Dialect::v3 && !scene.media.empty();
-  if (!scene.textures.empty() || !scene.lights.empty() || !scene.media.empty())
-    columns |= wire::kColumnCone;
-  if (in_media) columns |= wire::kColumnMedium;
-  return columns;
-}
-
 // How often rays will be in each part, as far as the camera tells: a grid of its rays through the parts' boxes, of
 // which each stops half of what enters; and a little everywhere, for what is scattered.
 void expect_visits(const Manifest& manifest, const FilmFrame& frame, std::vector<PlacementPart>& parts) {
@@ -95,9 +84,20 @@ std::uint64_t build_bytes(const Manifest& manifest, std::uint32_t part) {
   return bytes;
 }
 
+wire::ColumnSet columns_of(const Manifest& manifest, const SceneNeeds& needs) {
+  wire::ColumnSet columns = 0;
+  if (manifest.parts.size() > 2) columns |= wire::kColumnBestHit | wire::kColumnTested;
+  // Where a ray started counts when it finds a light; walks inside of surfaces keep their medium there.
+  if (needs.infinite_light || !manifest.shape_lights.empty() || needs.shading.subsurface)
+    columns |= wire::kColumnPreviousNormal;
+  if (needs.shading.footprint || needs.media) columns |= wire::kColumnCone;
+  if (needs.inside_media) columns |= wire::kColumnMedium;
+  return columns;
+}
+
 JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
-                      const JobOverrides& overrides, const std::string& folder,
-                      bool shared_folder) {
+                      const JobOverrides& overrides, const SceneNeeds& needs,
+                      const std::string& folder, bool shared_folder) {
   JobSpec spec;
   spec.frame = settings.film.frame;
   spec.k = settings.k;
@@ -124,7 +124,7 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   s.set_spp(settings.spp);
   s.set_seed(settings.seed);
   s.set_k(settings.k);
-  s.set_columns(columns_of(manifest));
+  s.set_columns(columns_of(manifest, needs));
   if (overrides.integrator) s.set_integrator(*overrides.integrator);
   // Zero is a depth too, so it is an option and not the field in which zero means "from the scene".
   if (overrides.max_depth) (*s.mutable_options())[kMaxDepth] = std::to_string(*overrides.max_depth);

@@ -87,12 +87,10 @@ class RenderRun {
           split_scene(request_.scene, folder_, request_.split, warnings_));
       interrupts_.set_handler(nullptr);
     }
-    Shading::check(manifest_->scene, warnings_);  // here, as hosts warn nobody
-    Lights::check(manifest_->scene, warnings_);
-    Media::check(manifest_->scene, warnings_);
     overrides_ = request_.overrides;
     if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
+    needs_ = scene_needs(manifest_->scene, facts_.settings, warnings_);  // here, as hosts warn nobody
     facts_.camera_matrices = camera_matrices(manifest_->scene.camera);
     const FilmFrame& frame = facts_.settings.film.frame;
     if (const auto& r = request_.reference;
@@ -137,7 +135,7 @@ class RenderRun {
     c.core.allow_inexact = request_.allow_inexact;
     c.core.hold_rounds = request_.max_error.has_value();
     if (checkpoint_) checkpoint_->prepare(c.core);
-    c.job = make_job_spec(*manifest_, facts_.settings, overrides_, folder_, true);
+    c.job = make_job_spec(*manifest_, facts_.settings, overrides_, needs_, folder_, true);
     c.folder = folder_;
     c.token = request_.token;
     c.tls = tls_;
@@ -409,6 +407,7 @@ class RenderRun {
   Warnings warnings_;
   JobOverrides overrides_;
   SceneFacts facts_;
+  SceneNeeds needs_;
   ChildProcesses children_;
   std::chrono::milliseconds children_patience_ = kChildrenEnd;
   CheckpointJob job_;

@@ -78,9 +78,9 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
       shading_(Shading::build(manifest.scene, {.texture_budget = texture_budget}, warnings)) {
   motion_ = manifest.moves;
   shape_lights_ = static_cast<std::uint32_t>(manifest.shape_lights.size());
-  subsurface_ = shading_->has_subsurface();
+  subsurface_ = shading_->needs().subsurface;
   shutter_ = shutter_of(manifest.scene.camera);
-  footprint_ = shading_->needs_footprint();
+  footprint_ = shading_->needs().footprint;
   footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.footprint_spp ? job.footprint_spp : job.spp));
   resident.set_alpha([shading = shading_.get()](std::uint32_t texture, const Vec2& uv, const Vec3& p) {
     return shading->alpha(texture, uv, p);

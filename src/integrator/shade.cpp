@@ -265,7 +265,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
   std::uint32_t material, light;
-  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs_uv());
+  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs().uv);
   const Vec3 wo = -s.direction;
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
 

@@ -170,7 +170,7 @@ void PathTracer::Shader::walk(Hit hit) {
 bool PathTracer::Shader::walk_meets(const Hit& hit, const Step& step) {
   PathSegment& s = *path;
   std::uint32_t material, light;
-  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs_uv());
+  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs().uv);
   if (light != kNone && s.vertex <= tracer.job_.emission_vertex)
     add(s.throughput * tracer.lights_->emitted(light, p.ng, p.uv, s.direction));
   const auto goes_on = [&](const Vec3& direction) {

@@ -454,8 +454,8 @@ std::unique_ptr<Lights> Lights::build(const SceneDescription& scene,
   return std::make_unique<SceneLights>(scene, shape_lights, main_part, warnings, true);
 }
 
-void Lights::check(const SceneDescription& scene, Warnings& warnings) {
-  SceneLights(scene, {}, Part{}, warnings, false);
+bool Lights::check(const SceneDescription& scene, Warnings& warnings) {
+  return SceneLights(scene, {}, Part{}, warnings, false).has_infinite();
 }
 
 }  // namespace cloudrenderer

@@ -37,8 +37,9 @@ class Lights {
                                        std::span<const AreaLightId> shape_lights,
                                        const Part& main_part, const Bounds3& scene_bounds,
                                        Warnings& warnings);
-  // Throws and warns as build() does for the scene's directives, without reading light maps.
-  static void check(const SceneDescription& scene, Warnings& warnings);
+  // Throws and warns as build() does for the scene's directives, without reading light maps. True if some light shines
+  // from infinitely far on all sides.
+  static bool check(const SceneDescription& scene, Warnings& warnings);
   virtual ~Lights() = default;
   virtual bool empty() const = 0;
   virtual bool has_infinite() const = 0;

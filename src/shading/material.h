@@ -34,14 +34,18 @@ class Shading {
   // matte (materials) or their constant default (textures).
   static std::unique_ptr<Shading> build(const SceneDescription& scene, const Options& options,
                                         Warnings& warnings);
+  // What materials and textures need, so that others can leave it out.
+  struct Needs {
+    bool footprint = false;  // some texture is filtered
+    bool uv = false;         // some texture, bump map or anisotropic material uses uv or tangents
+    bool subsurface = false;  // some material has a medium inside
+    bool null = false;        // some material is none
+  };
   // Throws and warns as build() does, without reading images.
-  static void check(const SceneDescription& scene, Warnings& warnings);
+  static Needs check(const SceneDescription& scene, Warnings& warnings);
   virtual ~Shading() = default;
 
-  // What the scene needs, so that others can leave it out.
-  virtual bool needs_footprint() const = 0;  // some texture is filtered
-  virtual bool needs_uv()
-      const = 0;  // some texture, bump map or anisotropic material uses uv or tangents
+  virtual const Needs& needs() const = 0;
   virtual std::uint64_t bytes() const = 0;
 
   // True for v3's null material (pass through) at this material index.
@@ -53,8 +57,6 @@ class Shading {
   virtual Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo,
                     const Footprint& footprint) const = 0;
 
-  // True if some material has a medium inside.
-  virtual bool has_subsurface() const = 0;
   // What is inside of this material at a point. False: nothing.
   virtual bool subsurface(std::uint32_t material, const SurfacePoint& point, const Footprint& footprint,
                           SubsurfacePoint& out) const = 0;

@@ -52,18 +52,28 @@ bool same_kind(std::span<const Lobe> a, std::span<const Lobe> b) {
   });
 }
 
+Shading::Needs needs_of(std::span<const MaterialRecord> records) {
+  Shading::Needs needs;
+  for (const MaterialRecord& r : records) {
+    needs.footprint = needs.footprint || r.needs.footprint;
+    needs.uv = needs.uv || r.needs.uv;
+    needs.subsurface = needs.subsurface || r.has_subsurface;
+    needs.null = needs.null || !r.material;
+  }
+  return needs;
+}
+
 class SceneShading final : public Shading {
  public:
   SceneShading(const SceneDescription& scene, const Options& options, Warnings& warnings)
       : textures_(scene, options.texture_budget, warnings),
         records_(build_materials(scene, textures_, measured_, warnings)),
         bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f) {
-    for (const MaterialRecord& r : records_) needs_ |= r.needs;
+    needs_ = needs_of(records_);
     number_kinds();
   }
 
-  bool needs_footprint() const override { return needs_.footprint; }
-  bool needs_uv() const override { return needs_.uv; }
+  const Needs& needs() const override { return needs_; }
   std::uint64_t bytes() const override { return textures_.bytes() + measured_.bytes(); }
   bool is_null(std::uint32_t material) const override {
     return material < records_.size() && !records_[material].material;
@@ -79,9 +89,6 @@ class SceneShading final : public Shading {
     return b;
   }
 
-  bool has_subsurface() const override {
-    return std::ranges::any_of(records_, [](const MaterialRecord& r) { return r.has_subsurface; });
-  }
   bool subsurface(std::uint32_t material, const SurfacePoint& point, const Footprint& footprint,
                   SubsurfacePoint& out) const override {
     if (material >= records_.size()) return false;
@@ -151,7 +158,7 @@ class SceneShading final : public Shading {
   TextureSet textures_;  // these before the records, whose materials point to them
   MeasuredStore measured_;
   std::vector<MaterialRecord> records_;
-  TextureNeeds needs_;
+  Needs needs_;
   float bump_step_;
 };
 
@@ -162,10 +169,10 @@ std::unique_ptr<Shading> Shading::build(const SceneDescription& scene, const Opt
   return std::make_unique<SceneShading>(scene, options, warnings);
 }
 
-void Shading::check(const SceneDescription& scene, Warnings& warnings) {
+Shading::Needs Shading::check(const SceneDescription& scene, Warnings& warnings) {
   const TextureSet textures(scene, 0, warnings, false);
   MeasuredStore measured;
-  build_materials(scene, textures, measured, warnings);
+  return needs_of(build_materials(scene, textures, measured, warnings));
 }
 
 }  // namespace cloudrenderer

@@ -8,6 +8,17 @@
 #include "wire/columns.h"
 
 namespace cloudrenderer::wire {
+
+std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes) {
+  std::size_t n = 12 + 12 + 12 + 4 + 3 * radiance_bytes + 12 + 8;
+  if (columns & kColumnPreviousNormal) n += 12;
+  if (columns & kColumnBestHit) n += 12;
+  if (columns & kColumnTested) n += 10;
+  if (columns & kColumnCone) n += 8;
+  if (columns & kColumnMedium) n += 2;
+  return n;
+}
+
 namespace {
 
 static_assert(std::endian::native == std::endian::little,
@@ -40,15 +51,6 @@ struct WidthScan {
   }
 };
 
-std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes) {
-  std::size_t n = 12 + 12 + 12 + 4 + 3 * radiance_bytes + 12 + 8;
-  if (columns & kColumnPreviousNormal) n += 12;
-  if (columns & kColumnBestHit) n += 12;
-  if (columns & kColumnTested) n += 10;
-  if (columns & kColumnCone) n += 8;
-  if (columns & kColumnMedium) n += 2;
-  return n;
-}
 std::size_t ray_bytes(const SubmitControl& c) { return sizeof(OcclusionRay) + (c.times() ? sizeof(float) : 0); }
 std::size_t end_bytes(std::size_t radiance_bytes) { return 16 + 3 * radiance_bytes; }
 std::size_t miss_bytes(const ReplyControl& c) { return c.windows() ? 10 : 8; }

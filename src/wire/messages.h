@@ -38,6 +38,8 @@ enum Column : std::uint32_t {
 };
 using ColumnSet = std::uint32_t;
 inline constexpr ColumnSet kAllColumns = 31;
+// Bytes of a segment in a block; radiance_bytes: of a channel, as wide as the block's largest.
+std::size_t segment_bytes(ColumnSet columns, std::size_t radiance_bytes);
 
 // Shared, because a sender keeps its segments until they are answered. A block is the concatenation
 // of its chunks; a decoded block has one chunk.
