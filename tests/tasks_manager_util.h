@@ -36,6 +36,8 @@ struct Cluster {
     for (auto& [to, m] : core.take_outbox()) {
       if (auto* load = std::get_if<wire::LoadParts>(&m))
         for (const std::uint32_t p : load->parts()) ordered[to].insert(p);
+      if (auto* unload = std::get_if<wire::UnloadParts>(&m))
+        for (const std::uint32_t p : unload->parts()) dropped[to].push_back(p);
       if (auto* map = std::get_if<wire::SceneHostMap>(&m)) maps[to] = *map;
       if (auto* task = std::get_if<wire::SubmitTask>(&m)) tasks[to].push_back(*task);
       if (auto* cancel = std::get_if<wire::CancelTask>(&m)) {
@@ -95,6 +97,7 @@ struct Cluster {
   double now = 0;
   ManagerCore core;
   std::map<HostId, std::set<std::uint32_t>> ordered, cancelled;
+  std::map<HostId, std::vector<std::uint32_t>> dropped;  // before there is a map
   std::map<HostId, wire::SceneHostMap> maps;
   std::map<HostId, std::vector<wire::SubmitTask>> tasks;
   std::set<HostId> ended, gone;

@@ -24,7 +24,7 @@ def add_options(parser):
     parser.add_argument("--share", type=float, default=0.2, help="of a core, that every host has")
     parser.add_argument("--held", type=float, default=0.6, help="share of the scene for which two or more hosts have memory each")
     parser.add_argument("--part-size", default="1MiB")
-    parser.add_argument("--timeout", type=float, default=3600, help="seconds for one render")
+    parser.add_argument("--timeout", type=float, default=1800, help="seconds for one render")
 
 
 def frame(args, split, size, hosts, spp, resolution, seed):

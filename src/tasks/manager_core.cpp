@@ -189,10 +189,14 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
   }
   if (!h.started) h.unforeseen = m.bytes_used() - std::min(m.bytes_used(), main_bytes());
   h.started = true;
+  for (const std::uint32_t p : m.unloaded())
+    if (const auto it = h.unloading.find(PartId(p)); it != h.unloading.end() && --it->second == 0)
+      h.unloading.erase(it);
   for (const std::uint32_t p : m.loaded())
-    if (h.wanted.contains(PartId(p))) h.holds.insert(PartId(p));
+    if (h.wanted.contains(PartId(p)) && !h.unloading.contains(PartId(p))) h.holds.insert(PartId(p));
   bool declined = false;
   for (const std::uint32_t p : m.declined()) {
+    if (h.unloading.contains(PartId(p))) continue;
     if (h.holds.contains(PartId(p)) || h.wanted.erase(PartId(p)) == 0) continue;
     h.declined.insert(PartId(p));
     declined = true;

@@ -159,6 +159,9 @@ class ManagerCore {
     std::set<PartId> holds;      // reported
     std::set<PartId> wanted;     // ordered or held
     std::set<PartId> declined;   // the host has found no room for them
+    // Drops that the host has not reported yet: until then it tells of earlier orders, though the
+    // part may be wanted again.
+    std::map<PartId, std::uint32_t> unloading;
     std::uint64_t unforeseen =
         0;  // bytes of the main scene that no part's prediction has: textures
     bool complete() const { return started && holds.size() == wanted.size(); }

@@ -179,6 +179,7 @@ void ManagerCore::drop(const Plan& p) {
     for (const PartId part : parts) {
       h.wanted.erase(part);
       h.holds.erase(part);
+      ++h.unloading[part];
       m.add_parts(part.value);
     }
     if (phase_ != Phase::rendering || !h.mapped) send(id, std::move(m));
