@@ -144,6 +144,8 @@ std::vector<std::pair<std::string, wire::Message>> messages() {
   wire::OcclusionReply occlusion;
   occlusion.count = 3;
   occlusion.blocked = {5};
+  wire::SubmitTask nearest = wire::some_rays(3);
+  std::get<wire::OcclusionBlock>(nearest.payload).nearest = true;
   wire::PathEnds ends;
   ends.generation = 1;
   ends.ends.resize(3);
@@ -163,6 +165,8 @@ std::vector<std::pair<std::string, wire::Message>> messages() {
           {"range", wire::SubmitTask{{1, 2}, 1, 1, RendererRange{1, 0, 0, 8, 4, 0, 4}}},
           {"tracer-reply", wire::Reply{{1000, 1}, 1, tracer}},
           {"occlusion-reply", wire::Reply{{1000, 2}, 1, occlusion}},
+          {"nearest-rays", nearest},
+          {"nearest-reply", wire::Reply{{1000, 3}, 1, wire::some_nearest(7)}},
           {"renderer-reply", renderer_reply({1, 2}, 1, 4)},
           {"refusal", wire::Reply{{1000, 1}, 1, wire::Refusal{}}},
           {"path-ends", ends},

@@ -143,6 +143,7 @@ class MadeUpEngine final : public PathEngine {
     hit.shape = c.part;
     hit.primitive = static_cast<std::uint32_t>(h & 7u);
     hit.part = c.part;
+    hit.geometry = 0;
   }
 
   void trace_one(PathSegment& s, Hit& hit, PartId& next) const {

@@ -127,7 +127,7 @@ class Host:
             try:
                 reader, writer = await asyncio.open_connection(host, int(port))
                 await self.meet_manager(reader, writer)
-                patience = time.monotonic() + RETURNS
+                patience = None
                 await self.listen_to(self.manager, reader)
             except (OSError, asyncio.IncompleteReadError, WireError) as e:
                 why = str(e) or "closed"
@@ -135,6 +135,7 @@ class Host:
                     self.manager.writer = None
                 if self.ended_well:
                     return
+                patience = patience or time.monotonic() + RETURNS
                 if time.monotonic() > patience:
                     raise Refused(f"the manager at {self.options.manager} does not answer: {why}") from e
             await asyncio.sleep(0.2)
@@ -281,8 +282,10 @@ class Host:
         if c.count == 0 or len(m.bulk) != 4 * width * c.count:
             raise WireError("rays have the wrong length")
         rays = np.frombuffer(m.bulk, "<f4", 7 * c.count).reshape(c.count, 7)
-        length = (rays[:, 3:6] ** 2).sum(1)
-        if not ((np.abs(rays[:, 0:3]) <= MAX_COORDINATE).all() and ((length > 0.98) & (length < 1.02)).all() and (rays[:, 6] >= 0).all()):
+        near = (np.abs(rays[:, 0:3]) <= MAX_COORDINATE).all()  # NaN fails every comparison
+        with np.errstate(all="ignore"):
+            length = (rays[:, 3:6] ** 2).sum(1)
+        if not (near and ((length > 0.98) & (length < 1.02)).all() and (rays[:, 6] >= 0).all()):
             raise WireError("a ray that is none")
         self.counters.blocks_received += 1
         self.queued_rays += c.count
