@@ -99,15 +99,15 @@ Vec3Of<F> fresnel(const LobeOf<F>& l, F c, MaskOf<F> outside) {
 }
 
 // (1 - s2)^(e/2) for s2 in [0, 1], that is cos^e from the squared sine: precise near the pole,
-// where exponents of thousands matter. Relative error below 4e-6 for results above 1e-6. The
+// where exponents of thousands matter; `c2`: 1 - s2, that is cos^2, for precision near the horizon. Relative error below
+// 4e-6 for results above 1e-6. The
 // polynomials interpolate log2(1 + d) / d and 2^r at Chebyshev nodes; explicit fma is exact on
 // every host.
 template <class F>
-F cosine_power(F s2, F e) {
+F cosine_power(F s2, F c2, F e) {
   using lanes::fma;
   // log2(1 - s2) = shift + log2(mantissa in [sqrt(1/2), sqrt(2)))
-  const F x = 1.f - s2;
-  const auto bits = lanes::bits(x);
+  const auto bits = lanes::bits(c2);
   const IntOf<F> shift = lanes::as_signed(bits - 0x3f3504f3u) >> 23;
   const F m = lanes::from_bits(bits - (lanes::as_unsigned(shift) << 23));
   // with no shift, m - 1 is -s2 without the rounding of 1 - s2
@@ -122,7 +122,11 @@ F cosine_power(F s2, F e) {
                   fma(r2, fma(r, 0.055503571f, 0.24022107f), fma(r, 0.69314719f, 1.f)));
   const F power = p * lanes::from_bits(lanes::as_unsigned(lanes::to_int(whole) + 127) << 23);
   const F pole = lanes::select(e > 0.f, F(0.f), F(1.f));
-  return lanes::select(s2 >= 1.f, pole, lanes::select(vanishes, F(0.f), power));
+  return lanes::select(c2 <= 0.f, pole, lanes::select(vanishes, F(0.f), power));
+}
+template <class F>
+F cosine_power(F s2, F e) {
+  return cosine_power<F>(s2, 1.f - s2, e);
 }
 
 // Density cos/pi around z.
@@ -146,11 +150,11 @@ template <class F>
 F normal_density(const LobeOf<F>& l, const Vec3Of<F>& wh) {
   switch (l.distribution) {
     case Distribution::blinn:
-      return l.norm * cosine_power<F>(sine2(wh), l.alpha_x);
+      return l.norm * cosine_power<F>(sine2(wh), wh.z * wh.z, l.alpha_x);
     case Distribution::blinn_anisotropic: {
       const F s2 = sine2(wh);
       const F exponent = (l.alpha_x * wh.x * wh.x + l.alpha_y * wh.y * wh.y) / s2;
-      return lanes::select(s2 <= 0.f, l.norm, l.norm * cosine_power<F>(s2, exponent));
+      return lanes::select(s2 <= 0.f, l.norm, l.norm * cosine_power<F>(s2, wh.z * wh.z, exponent));
     }
     case Distribution::trowbridge_reitz:
     case Distribution::trowbridge_reitz_separable:

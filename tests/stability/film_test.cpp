@@ -40,6 +40,14 @@ TEST(FilmSums, OfManySamples) {
          sum_error(n, [](std::uint64_t s) { return s % 1024 == 0 ? 1e-6f : s % 1024 == 1023 ? 0.f : s % 2 ? 1e6f : -1e6f; }), n);
 }
 
+// Through the renderer: a pixel of a white sky, of as many samples as a scene may ask for.
+TEST(FilmSums, OfManyPaths) {
+  const std::uint64_t n = rays(1 << 16, 1 << 24);
+  const Picture p = render(header("0 0 0  0 0 1  0 1 0", 1, n, 1) + "LightSource \"infinite\" \"rgb L\" [.1 .1 .1]\nWorldEnd\n");
+  EXPECT_EQ(p.samples, n);
+  record("pixel of an even sky, 2^24 paths", "relative error of the mean", 6.1e-8, std::fabs(p.mean() / static_cast<double>(0.1f) - 1), p.samples);
+}
+
 struct Axis {
   const char* type;
   Dialect dialect;

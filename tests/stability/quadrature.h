@@ -18,38 +18,36 @@ inline Vec3 direction(double z, double phi) {
 }
 
 // Integrates f over the rectangle [x0, x1] x [y0, y1]. The piece whose rules of 4 and 9 points differ most is cut next,
-// until the differences are small together. Pieces that hold a point of `peaks` are cut beforehand: few points miss a
+// until the differences sum to less than the tolerance. Pieces that hold a point of `peaks` are cut beforehand: few points miss a
 // narrow peak.
 class Quadrature {
  public:
   struct Point {
     double x, y, width;
   };
-  explicit Quadrature(double tolerance = 5e-6, std::size_t most = 60'000) : tolerance_(tolerance), most_(most) {}
+  explicit Quadrature(double tolerance = 5e-5, std::size_t most = 60'000) : tolerance_(tolerance), most_(most) {}
 
   template <class F>
   double integrate(F&& f, double x0, double x1, double y0, double y1, const std::vector<Point>& peaks = {}, int nx = 4, int ny = 8) const {
     std::priority_queue<Piece> pieces;
-    double sum = 0, squares = 0;
+    double errors = 0;
     const auto add = [&](const Piece& p) {
-      sum += p.value;
-      squares += p.error * p.error;
+      errors += p.error;
       pieces.push(p);
     };
     const double w = (x1 - x0) / nx, h = (y1 - y0) / ny;
     for (int i = 0; i < nx; ++i)
       for (int j = 0; j < ny; ++j)
         at_peaks(f, x0 + w * i, y0 + h * j, w, h, peaks, add);
-    while (squares > tolerance_ * tolerance_ && pieces.size() < most_) {
+    while (errors > tolerance_ && pieces.size() < most_) {
       const Piece p = pieces.top();
       pieces.pop();
-      sum -= p.value;
-      squares -= p.error * p.error;
+      errors -= p.error;
       for (int i = 0; i < 4; ++i) add(piece(f, p.x + (i / 2) * p.w / 2, p.y + (i % 2) * p.h / 2, p.w / 2, p.h / 2));
     }
-    double exact = 0;  // without what the running sum has lost
-    for (; !pieces.empty(); pieces.pop()) exact += pieces.top().value;
-    return exact;
+    double sum = 0;
+    for (; !pieces.empty(); pieces.pop()) sum += pieces.top().value;
+    return sum;
   }
 
  private:

@@ -71,7 +71,7 @@ TEST(Fresnel, OfConductorsIsExactToRounding) {
         for (const float at : {nf, 1.f / cf, cf}) below_v2 = std::max(below_v2, -static_cast<double>(bsdf::conductor_channel_v2(cf, at, at == nf ? kf : 0.f)));
         below = std::max(below, -static_cast<double>(bsdf::conductor_channel(cf, 1.f, 0.f)));
       }
-  record("conductors of n 1e-3 to 20, k 1e-6 to 50, cosines 1e-6 to 1", "error of the reflectance / that of rounded arguments", 8, worst, count);
+  record("conductors of n 1e-3 to 20, k 1e-6 to 50, cosines 1e-6 to 1", "error of the reflectance / that of rounded arguments", 16, worst, count);
   record("conductors of n 1e-3 to 20, k 1e-6 to 50, cosines 1e-6 to 1", "beyond [0, 1]", 2e-7, below, count);
   record("pbrt-v2's conductors where they reflect nothing", "below 0", 0, below_v2, count);
 }
@@ -126,7 +126,7 @@ TEST(Refraction, KeepsAllLight) {
             if (index == 1.f) bent = std::max(bent, static_cast<double>(glm::length(s.wi + wo)));
           }
         }
-  record("smooth and thin glass of index 1 to 3, cosines 1e-6 to 1", "|weight of a sample - 1|", 1e-6, worst, n);
+  record("smooth and thin glass of index 1 to 3, cosines 1e-6 to 1", "error of a sample's weight of 1", 1e-6, worst, n);
   record("smooth and thin glass of index 1, cosines 1e-6 to 1", "bend of the ray", 1e-6, bent, n);
 }
 
