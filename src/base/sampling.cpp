@@ -2,47 +2,45 @@
 
 namespace cloudrenderer {
 
-Distribution1D::Distribution1D(std::span<const float> values) : values_(values.begin(), values.end()) {
-  cdf_.resize(values_.size() + 1);
+Distribution1D::Distribution1D(std::span<const float> values) : cdf_(values.size() + 1) {
+  const std::size_t n = values.size();
   double sum = 0;
-  for (const float v : values_) sum += static_cast<double>(v);
-  if (!(sum > 0)) {
-    std::fill(values_.begin(), values_.end(), 1.f);
-    sum = static_cast<double>(values_.size());
-  } else {
-    integral_ = static_cast<float>(sum / static_cast<double>(values_.size()));
-  }
+  for (const float v : values) sum += static_cast<double>(v);
+  const bool even = !(sum > 0);
+  if (even)
+    sum = static_cast<double>(n);
+  else
+    integral_ = static_cast<float>(sum / static_cast<double>(n));
+  const auto value = [&](std::size_t i) { return even ? 1.f : values[i]; };
+  // In quanta; whatever is not 0 gets one at least.
+  std::vector<std::uint32_t> quanta(n + 1, 0);
   double running = 0;
-  for (std::size_t i = 0; i < values_.size(); ++i) {
-    cdf_[i] = static_cast<float>(running / sum);
-    running += static_cast<double>(values_[i]);
+  for (std::size_t i = 0; i < n; ++i) {
+    running += static_cast<double>(value(i));
+    const auto nearest = static_cast<std::uint32_t>(std::min(running / sum, 1.0) * kQuanta + 0.5);
+    quanta[i + 1] = std::max(nearest, quanta[i] + (value(i) > 0.f));
   }
-  cdf_.back() = 1.f;
-  // From here on values_ are densities.
-  const double scale = static_cast<double>(values_.size()) / sum;
-  for (float& v : values_) v = static_cast<float>(static_cast<double>(v) * scale);
+  quanta[n] = kQuanta;
+  for (std::size_t i = n; i-- > 1;) quanta[i] = std::min(quanta[i], quanta[i + 1] - (value(i) > 0.f));
+  for (std::size_t i = 0; i <= n; ++i) cdf_[i] = static_cast<float>(quanta[i]) * (1.f / kQuanta);
 }
 
 float Distribution1D::sample(float u, float& pdf, std::size_t& cell) const {
   // The last entry that is <= u and starts a piece of non-zero width.
   const auto it = std::upper_bound(cdf_.begin(), cdf_.end(), u);
   cell = static_cast<std::size_t>(std::max<std::ptrdiff_t>(it - cdf_.begin() - 1, 0));
-  cell = std::min(cell, values_.size() - 1);
+  cell = std::min(cell, size() - 1);
   const float width = cdf_[cell + 1] - cdf_[cell];
-  const float d = width > 0.f ? std::min((u - cdf_[cell]) / width, 0.99999994f) : 0.5f;
-  pdf = values_[cell];
-  const float n = static_cast<float>(values_.size());
+  const float d = width > 0.f ? std::min((u - cdf_[cell] + 0.5f / kQuanta) / width, 0.99999994f) : 0.5f;
+  const float n = static_cast<float>(size());
+  pdf = width * n;
   return std::min((static_cast<float>(cell) + d) / n, 0.99999994f);
 }
 
 float Distribution1D::pdf(float x) const {
-  const auto n = static_cast<std::ptrdiff_t>(values_.size());
+  const auto n = static_cast<std::ptrdiff_t>(size());
   const auto i = std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(x * static_cast<float>(n)), 0, n - 1);
-  return values_[static_cast<std::size_t>(i)];
-}
-
-float Distribution1D::cell_probability(std::size_t cell) const {
-  return values_[cell] / static_cast<float>(values_.size());
+  return cell_probability(static_cast<std::size_t>(i)) * static_cast<float>(n);
 }
 
 Distribution2D::Distribution2D(std::span<const float> values, std::size_t width, std::size_t height) {

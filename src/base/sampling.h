@@ -49,20 +49,23 @@ Vec2Of<F> sample_triangle(const Vec2Of<F>& u) {
   return {lanes::select(low, x, u.x - y), lanes::select(low, u.y - x, y)};
 }
 
-// A piecewise constant density over [0, 1). Non-negative values; all zero behaves as uniform.
+// A piecewise constant density over [0, 1). Non-negative values; all zero behaves as uniform. At most 2^24 pieces: their
+// borders are multiples of 2^-24, as the numbers are that choose among them, and the density of a piece follows from its
+// borders. So every piece comes exactly as often as its density says, however small it is beside others.
 class Distribution1D {
  public:
   Distribution1D() = default;
   explicit Distribution1D(std::span<const float> values);
-  std::size_t size() const { return values_.size(); }
+  std::size_t size() const { return cdf_.empty() ? 0 : cdf_.size() - 1; }
   float integral() const { return integral_; }  // mean of the values
   // u in [0, 1) -> x in [0, 1); pdf is the density at x; `cell` the index of the piece.
   float sample(float u, float& pdf, std::size_t& cell) const;
   float pdf(float x) const;
-  float cell_probability(std::size_t cell) const;
+  float cell_probability(std::size_t cell) const { return cdf_[cell + 1] - cdf_[cell]; }
 
  private:
-  std::vector<float> values_, cdf_;  // cdf_ has size() + 1 entries, first 0, last 1
+  static constexpr std::uint32_t kQuanta = 1u << 24;
+  std::vector<float> cdf_;  // first 0, last 1
   float integral_ = 0;
 };
 

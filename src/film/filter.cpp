@@ -52,18 +52,18 @@ class TabulatedAxis {
   template <class F>
   TabulatedAxis(float width, F&& f) : width_(width) {
     std::vector<float> values(kCells);
-    double sum = 0, absolute = 0;
     for (std::size_t i = 0; i < kCells; ++i) {
       const double x =
           (2 * (static_cast<double>(i) + 0.5) / kCells - 1) * static_cast<double>(width);
       const double v = f(x);
       values[i] = static_cast<float>(std::fabs(v));
       negative_[i] = v < 0;
-      sum += v;
-      absolute += std::fabs(v);
     }
     distribution_ = Distribution1D(values);
-    magnitude_ = sum > 0 ? static_cast<float>(absolute / sum) : 1.f;
+    double mean = 0;  // of the signs of samples
+    for (std::size_t i = 0; i < kCells; ++i)
+      mean += static_cast<double>(negative_[i] ? -distribution_.cell_probability(i) : distribution_.cell_probability(i));
+    magnitude_ = mean > 0 ? static_cast<float>(1 / mean) : 1.f;
   }
 
   float sample(float u, float& weight) const {

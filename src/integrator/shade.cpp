@@ -190,7 +190,8 @@ void PathTracer::Shader::thin_out(ScatterOf<F>& v) const {
   v.last = !v.specular && (spent || MaskOf<F>(job.integrator == IntegratorKind::direct));
   const MaskOf<F> over = (v.last && MaskOf<F>(!tracer.hittable_lights_)) ||
                          (v.specular && spent && lanes::greater(vertex, at_most(job.emission_vertex)));
-  const F largest = lanes::max(v.throughput.x, lanes::max(v.throughput.y, v.throughput.z));
+  // Of the magnitudes: filters with negative lobes give paths of negative weight.
+  const F largest = lanes::max(lanes::abs(v.throughput.x), lanes::max(lanes::abs(v.throughput.y), lanes::abs(v.throughput.z)));
   const F survive = lanes::min(1.f, largest * kRouletteScale);
   const MaskOf<F> thin = lanes::greater(vertex, kRouletteFrom) && survive < 1.f;
   v.goes_on = v.goes_on && !v.invalid && !over && !(thin && v.numbers[kLobeAndRoulette].y >= survive);

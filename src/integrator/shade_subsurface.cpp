@@ -46,19 +46,21 @@ struct PathTracer::Shader::Step {
     if (last) return;
     const Rgb sigma_t = medium.sigma_a + medium.sigma_s;
     // A channel is chosen by what the path carries of it; then no weight exceeds the sum of what is carried.
-    const float sum = s.throughput.x + s.throughput.y + s.throughput.z, at = numbers[0].x * sum;
-    const int channel = at < s.throughput.x ? 0 : at < s.throughput.x + s.throughput.y ? 1 : 2;
+    const Rgb carried = glm::abs(s.throughput);
+    const float sum = carried.x + carried.y + carried.z, at = numbers[0].x * sum;
+    const int channel = at < carried.x ? 0 : at < carried.x + carried.y ? 1 : 2;
     if (sigma_t[channel] > 0.f) distance = -portable::log(1.f - numbers[0].y) / sigma_t[channel];
   }
   // Weights for the way `t`, of all three choices of the channel together (the balance heuristic). scatters: at its end.
   static Rgb weight(const InteriorMedium& medium, const Rgb& throughput, float t, bool scatters) {
+    const Rgb carried = glm::abs(throughput);
     const Rgb sigma_t = medium.sigma_a + medium.sigma_s;
     if (sigma_t.x == sigma_t.y && sigma_t.x == sigma_t.z) return scatters ? medium.sigma_s / sigma_t : Rgb(1.f);
     const float nearest = std::min(sigma_t.x, std::min(sigma_t.y, sigma_t.z));
     Rgb through;  // relative to the clearest channel's, which keeps it in range
     for (int c = 0; c < 3; ++c) through[c] = portable::exp((nearest - sigma_t[c]) * t);
-    const float sum = throughput.x + throughput.y + throughput.z;
-    const float density = glm::dot(throughput, scatters ? sigma_t * through : through) / sum;
+    const float sum = carried.x + carried.y + carried.z;
+    const float density = glm::dot(carried, scatters ? sigma_t * through : through) / sum;
     return density > 0.f ? (scatters ? medium.sigma_s * through : through) / density : Rgb(0.f);
   }
   // What of the light is left at the surface after the first kMostSteps of a walk. Their distances from the surface spread
@@ -137,7 +139,7 @@ void PathTracer::Shader::walk(Hit hit) {
       end_flags |= kEndInvalid;
       return end();
     }
-    const float largest = std::max(s.throughput.x, std::max(s.throughput.y, s.throughput.z));
+    const float largest = max_component(glm::abs(s.throughput));  // negative behind some filters
     const float survive = std::min(1.f, largest * kWalkRoulette);
     if (!(step.numbers[1].y < survive) || s.passed > kMostSteps + kMostCrossings) return end();
     s.throughput /= survive;

@@ -13,11 +13,11 @@ namespace cloudrenderer {
 // What the four pairs of numbers of a vertex are for. The first one may be left out (PathTracer::first_pair_).
 enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
-// The power heuristic (Veach 1995).
+// The power heuristic (Veach 1995). Of the ratio, since densities of tiny lights have squares beyond a float's range.
 template <class F>
 F power_weight(F a, F b) {
-  const F a2 = a * a, b2 = b * b;
-  return lanes::select(a > 0.f, a2 / (a2 + b2), F(0.f));
+  const F ratio = b / a;
+  return lanes::select(a > 0.f, 1.f / (1.f + ratio * ratio), F(0.f));
 }
 
 // Shadow rays stop a little (relative) before the light's surface.

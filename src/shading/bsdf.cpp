@@ -35,10 +35,10 @@ template <class F>
 Half<F> half_of(const Vec3Of<F>& wo, const Vec3Of<F>& wi) {
   Half<F> h;
   const Vec3Of<F> sum = wo + wi;
-  const F length2 = glm::dot(sum, sum);
-  h.wh = sum * (1.f / lanes::sqrt(length2));
-  h.dot = glm::dot(wi, h.wh);
-  h.valid = length2 > 0.f && h.dot > 0.f;
+  const F length2 = glm::dot(sum, sum), length = lanes::sqrt(length2);
+  h.wh = sum * (1.f / length);
+  h.dot = 0.5f * length;  // of unit vectors; at grazing angles a dot product would be their lengths' rounding
+  h.valid = length2 > 0.f;
   return h;
 }
 
@@ -95,12 +95,10 @@ Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf
   const float oh = glm::dot(wo, wh), ih = glm::dot(wi, wh);
   if (!(oh * ih < 0.f) || !(oh * wo.z > 0.f))
     return Rgb(0.f);  // else the facet is seen from its back
-  const float root = oh + e * ih;
-  if (root == 0.f) return Rgb(0.f);
   const float f = fresnel_dielectric(std::fabs(oh), oh > 0.f ? l.eta.x : l.eta.y);
   const float co = std::fabs(wo.z), ci = std::fabs(wi.z), so = smith_root(l, wo),
               si = smith_root(l, wi);
-  const float d = normal_density(l, wh), jacobian = std::fabs(ih) / (root * root);  // times e^2
+  const float d = normal_density(l, wh), jacobian = std::fabs(ih) / length2;  // times e^2; oh + e ih is wh's length
   // the density of visible normals is D G1 |wo.wh| / co with G1 = 2 co / (co + so)
   pdf = (1.f - reflect_chance(l, f)) * d * 2.f * std::fabs(oh) / (co + so) * jacobian * e * e;
   // G / (co ci) = 2 / (ci so + co si); radiance scaling cancels e^2

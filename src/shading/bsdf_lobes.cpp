@@ -121,6 +121,9 @@ Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f, bo
 
 Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m,
                            float eta) {
+  // Facets between nearly equal indices bend light by less than its directions can tell: (eta - 1) times their slope.
+  constexpr float kLeastBend = 1e-5f;
+  if (std::fabs(eta - 1.f) * std::min(m.x, m.y) < kLeastBend) return specular_dielectric(reflectance, transmittance, eta, true);
   Lobe l = make(LobeKind::microfacet_dielectric, reflectance);
   set(l, m);
   set(l, dielectric(eta));

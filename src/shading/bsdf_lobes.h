@@ -38,7 +38,7 @@ FresnelTerm disney_fresnel(const Rgb& normal, float metallic, float eta);
 
 Lobe microfacet(const Rgb& scale, const Microfacets& m, const FresnelTerm& f,
                 bool transmits = false);
-// Trowbridge-Reitz only, in either form.
+// Trowbridge-Reitz only, in either form. A smooth surface where eta is too near 1 for the facets to matter.
 Lobe microfacet_dielectric(const Rgb& reflectance, const Rgb& transmittance, const Microfacets& m,
                            float eta);
 Lobe fresnel_blend(const Rgb& diffuse, const Rgb& specular, const Microfacets& m);

@@ -19,30 +19,35 @@ template <class F>
 F fresnel_dielectric(F c, F eta) {
   c = lanes::max(c, 1e-10f);
   // Total internal reflection needs no branch: with g = 0 the formula gives 1.
-  const F g = lanes::sqrt(lanes::max(0.f, eta * eta - 1.f + c * c)), sum = g + c, difference = g - c;
+  // The product is exact for indices near 1, where all depends on it.
+  const F g = lanes::sqrt(lanes::max(0.f, (eta - 1.f) * (eta + 1.f) + c * c)), sum = g + c, difference = g - c;
   const F a = difference / sum, b = (c * sum - 1.f) / (c * difference + 1.f);
   return 0.5f * a * a * (1.f + b * b);
 }
 
-// Exact, for a metal of index n + i k seen from vacuum; one channel.
+// Exact, for a metal of index n + i k seen from vacuum; one channel. The refracted wave has the normal component a + i b,
+// (a + i b)^2 = (n + i k)^2 - sin^2: of a^2 and b^2 the smaller one follows from the product a b = n k, or it would cancel.
 template <class F>
 F conductor_channel(F c, F n, F k) {
   const F c2 = c * c, s2 = lanes::max(0.f, 1.f - c2);
-  const F e2 = n * n, k2 = k * k;
-  const F t0 = e2 - k2 - s2;
-  const F ab = lanes::sqrt(t0 * t0 + 4.f * e2 * k2);  // a^2 + b^2
-  const F a2 = 2.f * c * lanes::sqrt(lanes::max(0.f, 0.5f * (ab + t0)));
+  const F nk2 = n * n * (k * k);
+  const F t0 = (n - k) * (n + k) - s2;
+  const F ab = lanes::sqrt(t0 * t0 + 4.f * nk2);  // a^2 + b^2
+  const F larger = 0.5f * (ab + lanes::abs(t0)), smaller = nk2 / lanes::max(larger, 1e-30f);
+  const MaskOf<F> first = t0 > 0.f;
+  const F aa = lanes::select(first, larger, smaller), bb = lanes::select(first, smaller, larger);
+  const F a = lanes::sqrt(aa), a2 = 2.f * c * a;
   const F t1 = ab + c2;
   const F t3 = c2 * ab + s2 * s2, t4 = a2 * s2;
   const F den = (t1 + a2) * (t3 + t4);
-  // rs = (t1-a2)/(t1+a2), rp = rs (t3-t4)/(t3+t4); their mean over one denominator
-  return (t1 - a2) * t3 / lanes::max(den, 1e-30f);
+  // rs = ((a-c)^2 + b^2) / (t1+a2), rp = rs (t3-t4)/(t3+t4); their mean over one denominator
+  return ((a - c) * (a - c) + bb) * t3 / lanes::max(den, 1e-30f);
 }
 // The approximation for conductors that pbrt-v2 uses.
 template <class F>
 F conductor_channel_v2(F c, F n, F k) {
   const F c2 = c * c, s = n * n + k * k, m = 2.f * n * c, t = s * c2 + 1.f, q = s + c2;
-  return 0.5f * ((t - m) / (t + m) + (q - m) / (q + m));
+  return 0.5f * lanes::max(0.f, (t - m) / (t + m) + (q - m) / (q + m));
 }
 // A formula for each channel of a colour.
 template <class Formula>
@@ -94,15 +99,15 @@ Vec3Of<F> fresnel(const LobeOf<F>& l, F c, MaskOf<F> outside) {
 }
 
 // (1 - s2)^(e/2) for s2 in [0, 1], that is cos^e from the squared sine: precise near the pole,
-// where exponents of thousands matter. Relative error below 4e-6 for results above 1e-6. The
+// where exponents of thousands matter; `c2`: 1 - s2, that is cos^2, for precision near the horizon. Relative error below
+// 4e-6 for results above 1e-6. The
 // polynomials interpolate log2(1 + d) / d and 2^r at Chebyshev nodes; explicit fma is exact on
 // every host.
 template <class F>
-F cosine_power(F s2, F e) {
+F cosine_power(F s2, F c2, F e) {
   using lanes::fma;
   // log2(1 - s2) = shift + log2(mantissa in [sqrt(1/2), sqrt(2)))
-  const F x = 1.f - s2;
-  const auto bits = lanes::bits(x);
+  const auto bits = lanes::bits(c2);
   const IntOf<F> shift = lanes::as_signed(bits - 0x3f3504f3u) >> 23;
   const F m = lanes::from_bits(bits - (lanes::as_unsigned(shift) << 23));
   // with no shift, m - 1 is -s2 without the rounding of 1 - s2
@@ -117,7 +122,11 @@ F cosine_power(F s2, F e) {
                   fma(r2, fma(r, 0.055503571f, 0.24022107f), fma(r, 0.69314719f, 1.f)));
   const F power = p * lanes::from_bits(lanes::as_unsigned(lanes::to_int(whole) + 127) << 23);
   const F pole = lanes::select(e > 0.f, F(0.f), F(1.f));
-  return lanes::select(s2 >= 1.f, pole, lanes::select(vanishes, F(0.f), power));
+  return lanes::select(c2 <= 0.f, pole, lanes::select(vanishes, F(0.f), power));
+}
+template <class F>
+F cosine_power(F s2, F e) {
+  return cosine_power<F>(s2, 1.f - s2, e);
 }
 
 // Density cos/pi around z.
@@ -141,11 +150,11 @@ template <class F>
 F normal_density(const LobeOf<F>& l, const Vec3Of<F>& wh) {
   switch (l.distribution) {
     case Distribution::blinn:
-      return l.norm * cosine_power<F>(sine2(wh), l.alpha_x);
+      return l.norm * cosine_power<F>(sine2(wh), wh.z * wh.z, l.alpha_x);
     case Distribution::blinn_anisotropic: {
       const F s2 = sine2(wh);
       const F exponent = (l.alpha_x * wh.x * wh.x + l.alpha_y * wh.y * wh.y) / s2;
-      return lanes::select(s2 <= 0.f, l.norm, l.norm * cosine_power<F>(s2, exponent));
+      return lanes::select(s2 <= 0.f, l.norm, l.norm * cosine_power<F>(s2, wh.z * wh.z, exponent));
     }
     case Distribution::trowbridge_reitz:
     case Distribution::trowbridge_reitz_separable:
@@ -198,9 +207,9 @@ Vec3Of<F> sample_blinn_normal(const LobeOf<F>& l, const Vec2Of<F>& u) {
 // side. False on total internal reflection.
 inline bool refract(const Vec3& wo, const Vec3& wh, float eta, Vec3& wi) {
   const float c = glm::dot(wo, wh), inverse = 1.f / eta;
-  const float sin2 = std::max(0.f, 1.f - c * c) * inverse * inverse;
-  if (sin2 >= 1.f) return false;
-  wi = -inverse * wo + (inverse * c - std::sqrt(1.f - sin2)) * wh;
+  const float g2 = (eta - 1.f) * (eta + 1.f) + c * c;  // eta^2 cos^2 of the refracted ray, as in fresnel_dielectric()
+  if (!(g2 > 0.f)) return false;
+  wi = inverse * ((c - std::sqrt(g2)) * wh - wo);
   return true;
 }
 

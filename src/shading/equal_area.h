@@ -23,7 +23,7 @@ inline Vec3 equal_area_square_to_sphere(const Vec2& uv) {
 // Of a unit direction.
 inline Vec2 equal_area_sphere_to_square(const Vec3& d) {
   const Vec3 a = glm::abs(d);
-  const float r = std::sqrt(std::max(0.f, 1.f - a.z));
+  const float r = std::sqrt((a.x * a.x + a.y * a.y) / (1.f + a.z));  // sqrt(1 - z) without cancellation
   const float phi = portable::atan2(a.y, a.x) * (2.f * kInvPi);
   Vec2 p(r - phi * r, phi * r);
   if (d.z < 0.f) p = {1.f - p.y, 1.f - p.x};

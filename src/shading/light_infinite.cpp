@@ -5,6 +5,7 @@
 #include "base/portable_math.h"
 #include "shading/equal_area.h"
 #include "shading/light_map.h"
+#include "shading/light_record.h"
 
 namespace cloudrenderer {
 namespace {
@@ -18,9 +19,7 @@ float luminance_of(const Rgb& c) { return std::max(0.f, luminance(c)); }
 }  // namespace
 
 InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool read) {
-  constant_ = desc.params.rgb("L", Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
-  for (const char* samples : {"nsamples", "samples"}) desc.params.integer(samples, 1);
-  if (!is_finite(constant_)) throw SceneError{desc.location, "the light's radiance must be finite"};
+  constant_ = light_color(desc.params, "L", desc.location, warnings);
   to_world_ = glm::mat3(desc.light_to_world.matrix());
   to_light_ = glm::mat3(desc.light_to_world.inverse_matrix());
   inverse_volume_ = 1.f / std::fabs(glm::determinant(to_world_));

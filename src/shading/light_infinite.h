@@ -25,7 +25,7 @@ class InfiniteLight {
   float pdf(const Vec3& n, const Vec3& direction) const;
   // Both of a direction in one pass.
   Rgb radiance_and_pdf(const Vec3& n, const Vec3& direction, float& pdf) const;
-  std::uint64_t bytes() const { return texels_.size() * sizeof(Rgb) + 2 * sizeof(float) * cells_; }
+  std::uint64_t bytes() const { return texels_.size() * sizeof(Rgb) + sizeof(float) * cells_; }
 
  private:
   struct MapPoint {

@@ -35,7 +35,7 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, values.data()))
     return give_up(input->geterror());
   map.texels.resize(count);
-  std::size_t bad = 0;
+  std::size_t bad = 0, negative = 0;
   for (std::size_t p = 0; p < count; ++p) {
     for (std::size_t i = 0; i < 3; ++i)
       map.texels[p][static_cast<int>(i)] =
@@ -44,7 +44,12 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
       map.texels[p] = Rgb(0.f);
       ++bad;
     }
+    const Rgb shown = glm::max(map.texels[p], Rgb(0.f));
+    negative += shown != map.texels[p];
+    map.texels[p] = shown;
   }
+  if (negative != 0)
+    warnings.add(where, path + ": " + std::to_string(negative) + " texels have negative channels, which are taken as 0");
   if (bad != 0)
     warnings.add(where,
                  path + ": " + std::to_string(bad) + " texels are not finite, black is used");
@@ -59,10 +64,7 @@ DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warn
     map_ = read_light_map(path, Rgb(1.f), read, desc.location, "the light is even", warnings);
   if (!map_.empty()) {
     largest_ = Rgb(0.f);
-    for (Rgb& texel : map_.texels) {
-      texel = glm::max(texel, Rgb(0.f));
-      largest_ = glm::max(largest_, texel);
-    }
+    for (const Rgb& texel : map_.texels) largest_ = glm::max(largest_, texel);
   }
   equal_area_ = desc.params.string("mapping", "") == "equalarea" && map_.width == map_.height;
   if (kind != Kind::projection) return;

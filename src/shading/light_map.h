@@ -66,7 +66,7 @@ class DirectionalMap {
 };
 
 // Both kinds. Nothing for a light that gives no light.
-std::optional<EmitterAndBounds> make_mapped(const LightDesc& desc, const DirectionalMap& map);
+std::optional<EmitterAndBounds> make_mapped(const LightDesc& desc, const DirectionalMap& map, Warnings& warnings);
 bool sample_mapped(const Emitter& e, const DirectionalMap& map, const Vec3& p, LightSample& out);
 
 }  // namespace cloudrenderer

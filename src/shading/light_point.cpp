@@ -6,13 +6,6 @@
 namespace cloudrenderer {
 namespace {
 
-Rgb scaled(const LightDesc& desc, const char* name) {
-  const Rgb c = desc.params.rgb(name, Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
-  for (const char* samples : {"nsamples", "samples"}) desc.params.integer(samples, 1);
-  if (!is_finite(c)) throw SceneError{desc.location, "the light's radiance must be finite"};
-  return c;
-}
-
 Vec3 unit(const LightDesc& desc, const Vec3& v) {
   const float length = glm::length(v);
   if (!(length > 0.f && length < kInfinity))
@@ -53,10 +46,19 @@ MaskOf<F> towards(const Vec3& position, const Vec3Of<F>& p, LightSampleOf<F>& ou
 
 }  // namespace
 
-std::optional<EmitterAndBounds> make_point(const LightDesc& desc) {
+Rgb light_color(const ParamSet& params, const char* name, const FileLocation& where, Warnings& warnings) {
+  const Rgb c = params.rgb(name, Rgb(1.f)) * params.rgb("scale", Rgb(1.f));
+  for (const char* samples : {"nsamples", "samples"}) params.integer(samples, 1);
+  if (!is_finite(c)) throw SceneError{where, "the light's radiance must be finite"};
+  const Rgb shown = glm::max(c, Rgb(0.f));
+  if (shown != c) warnings.add(where, std::string("the light's ") + name + " has negative channels in RGB: they are taken as 0");
+  return shown;
+}
+
+std::optional<EmitterAndBounds> make_point(const LightDesc& desc, Warnings& warnings) {
   EmitterAndBounds out;
   Emitter& e = out.emitter;
-  e.radiance = scaled(desc, "I");
+  e.radiance = light_color(desc.params, "I", desc.location, warnings);
   // As in pbrt, `from` is added after the transformation.
   e.position = desc.params.point3("from", Vec3(0.f)) + desc.light_to_world.point(Vec3(0.f));
   out.bounds = bounds_at(e.position, average(e.radiance));
@@ -74,11 +76,11 @@ MaskOf<F> sample_point(const Emitter& e, const Vec3Of<F>& p, LightSampleOf<F>& o
 template bool sample_point<float>(const Emitter&, const Vec3&, LightSample&);
 template Mask8 sample_point<Float8>(const Emitter&, const Vec3x8&, LightSample8&);
 
-std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone) {
+std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone, Warnings& warnings) {
   EmitterAndBounds out;
   Emitter& e = out.emitter;
   e.kind = EmitterKind::spot;
-  e.radiance = scaled(desc, "I");
+  e.radiance = light_color(desc.params, "I", desc.location, warnings);
   const Vec3 from = desc.params.point3("from", Vec3(0.f)),
              to = desc.params.point3("to", Vec3(0, 0, 1));
   const float angle = desc.params.real("coneangle", 30.f),
@@ -115,11 +117,11 @@ bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSam
   return falloff > 0.f;
 }
 
-std::optional<EmitterAndBounds> make_mapped(const LightDesc& desc, const DirectionalMap& map) {
+std::optional<EmitterAndBounds> make_mapped(const LightDesc& desc, const DirectionalMap& map, Warnings& warnings) {
   EmitterAndBounds out;
   Emitter& e = out.emitter;
   e.kind = EmitterKind::mapped;
-  e.radiance = scaled(desc, "I");
+  e.radiance = light_color(desc.params, "I", desc.location, warnings);
   e.position = desc.light_to_world.point(Vec3(0.f));
   out.bounds = bounds_at(e.position, average(e.radiance * map.largest()));
   if (!(out.bounds.strength > 0.f)) return std::nullopt;
@@ -135,11 +137,11 @@ bool sample_mapped(const Emitter& e, const DirectionalMap& map, const Vec3& p, L
   return !is_black(out.radiance);
 }
 
-std::optional<EmitterAndBounds> make_distant(const LightDesc& desc) {
+std::optional<EmitterAndBounds> make_distant(const LightDesc& desc, Warnings& warnings) {
   EmitterAndBounds out;
   Emitter& e = out.emitter;
   e.kind = EmitterKind::distant;
-  e.radiance = scaled(desc, "L");
+  e.radiance = light_color(desc.params, "L", desc.location, warnings);
   const Vec3 from = desc.params.point3("from", Vec3(0.f)),
              to = desc.params.point3("to", Vec3(0, 0, 1));
   e.axis = unit(desc, desc.light_to_world.vector(from - to));

@@ -113,7 +113,9 @@ MaskOf<F> sample_sphere(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u
     const F d = sqrt(d2);
     F cosine, sin2;
     out.wi = sample_cone<F>(cone, w * (1.f / d), u, cosine, sin2);
-    out.distance = max(0.f, d * cosine - sqrt(max(0.f, e.radius2 - d2 * sin2)));
+    // Not beyond the sphere, whatever rounds: beside a huge one the way is a small difference.
+    const F half_chord = sqrt(max(0.f, e.radius2 - d2 * sin2) + e.radius2 * 0x1p-21f);
+    out.distance = max(0.f, d * (cosine - 0x1p-22f) - half_chord);
     out.pdf = cone.pdf();
   }
   if (lanes::any(!outside)) {

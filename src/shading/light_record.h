@@ -61,6 +61,10 @@ F solid_angle_pdf(float area_pdf, F distance2, F cosine) {
   return lanes::select(cosine > 1e-7f, area_pdf * distance2 / cosine, F(0.f));
 }
 
+// The parameter `name` times "scale": finite, or SceneError, and not negative. RGB of a narrow band of wavelengths can be;
+// such channels are 0, with a warning.
+Rgb light_color(const ParamSet& params, const char* name, const FileLocation& where, Warnings& warnings);
+
 struct EmitterAndBounds {
   Emitter emitter;
   EmitterBounds bounds;
@@ -68,9 +72,9 @@ struct EmitterAndBounds {
 
 // LightSource directives; each looks up all parameters of its kind. Nothing for a light that gives
 // no light.
-std::optional<EmitterAndBounds> make_point(const LightDesc& desc);
-std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone);
-std::optional<EmitterAndBounds> make_distant(const LightDesc& desc);
+std::optional<EmitterAndBounds> make_point(const LightDesc& desc, Warnings& warnings);
+std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone, Warnings& warnings);
+std::optional<EmitterAndBounds> make_distant(const LightDesc& desc, Warnings& warnings);
 
 // F: one point or eight that ask the same emitter.
 template <class F>

@@ -259,10 +259,10 @@ class SceneLights final : public Lights {
   void add_light(const LightDesc& desc, Warnings& warnings, bool read_maps) {
     std::optional<EmitterAndBounds> made;
     if (desc.type == "point") {
-      made = make_point(desc);
+      made = make_point(desc, warnings);
     } else if (desc.type == "spot") {
       SpotCone cone;
-      made = make_spot(desc, cone);
+      made = make_spot(desc, cone, warnings);
       if (made) {
         made->emitter.index = static_cast<std::uint32_t>(spots_.size());
         spots_.push_back(cone);
@@ -271,13 +271,13 @@ class SceneLights final : public Lights {
       const auto kind = desc.type == "projection" ? DirectionalMap::Kind::projection
                                                   : DirectionalMap::Kind::goniometric;
       DirectionalMap map(kind, desc, read_maps, warnings);
-      made = make_mapped(desc, map);
+      made = make_mapped(desc, map, warnings);
       if (made) {
         made->emitter.index = static_cast<std::uint32_t>(maps_.size());
         maps_.push_back(std::move(map));
       }
     } else if (desc.type == "distant") {
-      made = make_distant(desc);
+      made = make_distant(desc, warnings);
     } else if (desc.type == "infinite" || desc.type == "exinfinite") {
       InfiniteLight light(desc, warnings, read_maps);
       EmitterAndBounds e;
@@ -304,13 +304,12 @@ class SceneLights final : public Lights {
     for (const Entity& desc : scene.area_lights) {
       Emission e;
       if (desc.type == "diffuse" || desc.type == "area") {
-        e.radiance = desc.params.rgb("L", Rgb(1.f)) * desc.params.rgb("scale", Rgb(1.f));
+        e.radiance = light_color(desc.params, "L", desc.location, warnings);
         if (const std::string path = desc.params.string("filename", ""); !path.empty())
           e.radiance *= mean_of(read_light_map(path, Rgb(1.f), read_maps, desc.location,
                                                "the light is even", warnings));
         if (!is_finite(e.radiance))
           throw SceneError{desc.location, "the light's radiance must be finite"};
-        for (const char* name : {"nsamples", "samples"}) desc.params.integer(name, 1);
         if (scene.dialect == Dialect::v3) e.two_sided = desc.params.boolean("twosided", false);
         desc.params.report_unused("AreaLightSource \"" + desc.type + "\"", warnings);
       } else {

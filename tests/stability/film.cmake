@@ -1,0 +1,1 @@
+list(APPEND STABILITY_SOURCES film_test.cpp)

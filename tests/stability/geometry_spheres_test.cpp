@@ -1,0 +1,9 @@
+#include "record.h"
+
+namespace cloudrenderer::stability {
+namespace {
+
+TEST(Record, MakesARow) { record("a row of a table", "nothing", 1, 0.5, 1); }
+
+}  // namespace
+}  // namespace cloudrenderer::stability

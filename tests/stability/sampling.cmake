@@ -1,0 +1,1 @@
+list(APPEND STABILITY_SOURCES sampling_bsdf_density_test.cpp sampling_density_test.cpp sampling_sequence_test.cpp)

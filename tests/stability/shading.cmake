@@ -1,0 +1,1 @@
+list(APPEND STABILITY_SOURCES shading_fresnel_test.cpp shading_lobes_test.cpp shading_light_test.cpp)
