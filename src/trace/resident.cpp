@@ -94,7 +94,7 @@ const Part& ResidentSet::prototype(std::uint32_t part, std::uint32_t instance) c
 const Transform& ResidentSet::place(std::uint32_t part, std::uint32_t instance, float time, Transform& moved) const {
   const LoadedPart& p = *parts_[part];
   if (!p.part().motions.empty())
-    if (const LoadedPart::Moving* m = p.moving_instance(instance)) return moved = m->to_world(time);
+    if (const LoadedPart::Moving* m = p.moving_instance(instance); m && !m->moves.empty()) return moved = m->to_world(time);
   return p.part().instances[instance].to_world;
 }
 
