@@ -75,8 +75,10 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
     }
     p = surface_point(q.quadric, q.flip != 0, o, d, hit.t);
   }
-  if (to_world) p = transformed(p, *to_world);
-  if (to_world == &moved) p.p_error += inverse_error(p.p, moved);
+  if (to_world) {
+    p = transformed(p, *to_world);
+    if (!set.enters_exactly(hit.part, hit.instance)) p.p_error += inverse_error(p.p, *to_world);
+  }
   return p;
 }
 

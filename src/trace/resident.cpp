@@ -98,6 +98,11 @@ const Transform& ResidentSet::place(std::uint32_t part, std::uint32_t instance, 
   return p.part().instances[instance].to_world;
 }
 
+bool ResidentSet::enters_exactly(std::uint32_t part, std::uint32_t instance) const {
+  const LoadedPart::Moving* const m = parts_[part]->moving_instance(instance);
+  return m && m->moves.empty();
+}
+
 bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit) const {
   const LoadedPart& part = *parts_[part_id];
   const float t_far = std::min(ray.t_max, reach(hit.t));
