@@ -136,7 +136,7 @@ TEST(Instances, EightDeepLieWhereTheirMatricesSay) {
       for (const PathSegment& s : out.continuing) {
         const auto& [n, at] = truth[s.pixel];
         // Where the bounce starts is off the surface by the bound of its error; so much again may it be wrong.
-        const Real bound = glm::dot(glm::abs(n), at.error + 0x1p-20L * glm::abs(at.p));
+        const Real bound = glm::dot(glm::abs(n), at.error + 0x1p-18L * glm::abs(at.p));
         worst = std::max(worst, static_cast<double>(std::abs(glm::dot(n, Real3(s.origin) - at.p)) / bound));
       }
     }
