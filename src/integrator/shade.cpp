@@ -70,14 +70,16 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
     light = q.light;
     Vec3 o = origin, d = direction;
     if (to_world) {
-      const Transform inverse = to_world->inverse();
-      o = inverse.point(o);
-      d = inverse.vector(d);
+      const Affine inverse = Affine(to_world->matrix()).inverse();
+      o = Vec3(inverse.point(o));
+      d = Vec3(inverse.m * glm::dvec3(d));
     }
     p = surface_point(q.quadric, q.flip != 0, o, d, hit.t);
   }
-  if (to_world) p = transformed(p, *to_world);
-  if (to_world == &moved) p.p_error += inverse_error(p.p, moved);
+  if (to_world) {
+    p = transformed(p, *to_world);
+    if (!set.enters_exactly(hit.part, hit.instance)) p.p_error += inverse_error(p.p, *to_world);
+  }
   return p;
 }
 

@@ -40,8 +40,23 @@ inline Vec3 extreme_normal(const Vec3& e0, const Vec3& e1) {
   return unit == Vec3(0.f) ? Vec3(0.f, 0.f, 1.f) : unit;
 }
 template <class F>
-Vec3Of<F> unit_normal(const Vec3Of<F>& e0, const Vec3Of<F>& e1) {
-  return normalize_or(glm::cross(e0, e1), [&](std::size_t i) { return extreme_normal(lanes::get(e0, i), lanes::get(e1, i)); });
+Vec3Of<F> unit_normal(const Vec3Of<F>& e0, const Vec3Of<F>& e1, const Vec3Of<F>& cross) {
+  return normalize_or(cross, [&](std::size_t i) { return extreme_normal(lanes::get(e0, i), lanes::get(e1, i)); });
+}
+
+// How far from the triangle a tracer may see its plane that computes the normal in float: where three long edges span
+// little area, the products of two of them cancel to the area, and what is left of their rounding tilts the plane along
+// the third. (The bound of a cross product's error, Higham 2002 section 3.1, times the longest way in the triangle.)
+// Nothing where the triangle's circumcircle is not far larger than it. At most a quarter of its width, so that slivers
+// that no float can tell from lines do not send rays from somewhere else. Squares first: one root.
+template <class F>
+F plane_error(const Vec3Of<F>& e0, const Vec3Of<F>& e1, const Vec3Of<F>& cross) {
+  const Vec3Of<F> e2 = e0 - e1;
+  const F d0 = glm::dot(e0, e0), d1 = glm::dot(e1, e1), d2 = glm::dot(e2, e2), area2 = glm::dot(cross, cross);
+  const F longest2 = lanes::max(d0, lanes::max(d1, d2)) + 1e-37f;
+  const F circle2 = d0 * (d1 / area2) * d2, width2 = area2 / longest2;
+  const F error2 = lanes::min(0x1p-44f * circle2, 0.0625f * width2);
+  return lanes::select(circle2 > 64.f * longest2, lanes::sqrt(error2), F(0.f));
 }
 
 }  // namespace triangle_detail
@@ -63,7 +78,9 @@ template <class F>
   // p.
   s.p_error = F(rounding_gamma(7)) * (lanes::abs(pa) + lanes::abs(pb) + lanes::abs(pc));
 
-  s.cross = triangle_detail::unit_normal(a - c, b - c);
+  const Vec3Of<F> e0 = a - c, e1 = b - c, cross = glm::cross(e0, e1);
+  s.cross = triangle_detail::unit_normal(e0, e1, cross);
+  s.p_error += triangle_detail::plane_error(e0, e1, cross);
   MaskOf<F> turned = flip;
   if (tri.has_uvs && dialect == Dialect::v2) {
     const Vec2Of<F> d0 = tri.uv[0] - tri.uv[2], d1 = tri.uv[1] - tri.uv[2];

@@ -66,10 +66,34 @@ void moving_bounds(const RTCBoundsFunctionArguments* args) {
 
 // A ray of a lane in the space of an instance, as it is at the ray's time. False for one that Embree must not see.
 bool enter(const LoadedPart::Moving& m, const QueryContext& context, const LaneRay& r, unsigned id, RTCRay& out) {
-  const Mat4 to_object = entering(m.fixed_inverse, m.moves, context.times ? context.times[id] : 0.f);
-  const Vec3 o(to_object * glm::vec4(r.origin, 1.f)), d(to_object * glm::vec4(r.direction, 0.f));
+  Vec3 o, d;
+  if (m.moves.empty()) {
+    o = Vec3(m.fixed_inverse.point(r.origin));
+    d = Vec3(m.fixed_inverse.m * glm::dvec3(r.direction));
+  } else {
+    const Mat4 to_object = entering(m.fixed_inverse, m.moves, context.times ? context.times[id] : 0.f);
+    o = Vec3(to_object * glm::vec4(r.origin, 1.f));
+    d = Vec3(to_object * glm::vec4(r.direction, 0.f));
+  }
   out = {o.x, o.y, o.z, r.t_near, d.x, d.y, d.z, 0, r.t_far, 0xffffffffu, id, 0};
   return traceable(o, d);
+}
+
+// Embree inverts an instance's matrix in float, by cofactors, whose products cancel where axes are of very different
+// lengths and turned: rays then meet another object than the box says, or the very surface that they leave. True where
+// the bound of that error is more than eight times what rounding the exact inverse would do.
+bool inverts_badly(const Mat4& matrix) {
+  const Affine a(matrix);
+  const auto cofactors = [&](int i, const glm::dmat3& m) { return glm::cross(m[(i + 1) % 3], m[(i + 2) % 3]); };
+  const auto summed = [&](int i) {  // the same products, without their signs
+    const glm::dvec3 b = glm::abs(a.m[(i + 1) % 3]), c = glm::abs(a.m[(i + 2) % 3]);
+    return glm::dvec3(b.y * c.z + b.z * c.y, b.z * c.x + b.x * c.z, b.x * c.y + b.y * c.x);
+  };
+  const auto sum = [](const glm::dvec3& v) { return std::abs(v.x) + std::abs(v.y) + std::abs(v.z); };
+  const double cancelled = glm::dot(glm::abs(a.m[0]), summed(0)) / std::abs(glm::dot(a.m[0], cofactors(0, a.m)));
+  for (int i = 0; i < 3; ++i)
+    if (!(sum(summed(i)) / sum(cofactors(i, a.m)) + cancelled <= 8)) return true;
+  return false;
 }
 
 void moving_intersect(const RTCIntersectFunctionNArguments* args) {
@@ -302,7 +326,7 @@ void LoadedPart::add_instances() {
     const InstanceRecord& record = part_.instances[i];
     if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
       throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
-    if (!part_.motions.empty() && moving_instance(static_cast<std::uint32_t>(i))) continue;
+    if (moving_instance(static_cast<std::uint32_t>(i))) continue;
     const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_INSTANCE));
     rtcSetGeometryInstancedScene(g.get(), prototypes_[record.prototype]->scene());
     rtcSetGeometryTimeStepCount(g.get(), 1);
@@ -314,17 +338,18 @@ void LoadedPart::add_instances() {
 }
 
 void LoadedPart::add_moving() {
-  if (part_.motions.empty()) return;
-  for (const MotionRecord& m : part_.motions) {
-    if (moving_.empty() || moving_.back().instance != m.instance) {
-      const InstanceRecord& record = part_.instances[m.instance];
-      if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
-        throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
-      moving_.push_back({m.instance, prototypes_[record.prototype].get(), Affine(record.to_world.matrix()), {}, {}, {}});
-      moving_.back().fixed_inverse = moving_.back().fixed.inverse();
-    }
-    moving_.back().moves.push_back(m.transform());
+  std::span<const MotionRecord> motions = part_.motions;
+  for (std::uint32_t i = 0; i < part_.instances.size(); ++i) {
+    const InstanceRecord& record = part_.instances[i];
+    const bool moves = !motions.empty() && motions.front().instance == i;
+    if (!moves && !inverts_badly(record.to_world.matrix())) continue;
+    if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
+      throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
+    Moving& m = moving_.emplace_back(Moving{i, prototypes_[record.prototype].get(), Affine(record.to_world.matrix()), {}, {}, {}});
+    m.fixed_inverse = m.fixed.inverse();
+    for (; !motions.empty() && motions.front().instance == i; motions = motions.subspan(1)) m.moves.push_back(motions.front().transform());
   }
+  if (moving_.empty()) return;
   for (Moving& m : moving_) {
     RTCBounds b;
     rtcGetSceneBounds(m.prototype->scene(), &b);

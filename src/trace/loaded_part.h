@@ -26,8 +26,9 @@ class LoadedPart {
   }
   RTCScene scene() const { return scene_.get(); }
 
-  // An instance that moves. To Embree it is a primitive of a user geometry, whose rays we take into its space ourselves,
-  // one by one: packets and single rays find the same bits, and shading has exactly the transformation that traced.
+  // An instance that moves, or stands still (no moves) where Embree could not take rays into its space exactly enough. To
+  // Embree it is a primitive of a user geometry, whose rays we take into its space ourselves, one by one: packets and
+  // single rays find the same bits, and shading has exactly the transformation that traced.
   struct Moving {
     std::uint32_t instance = 0;
     const LoadedPart* prototype = nullptr;
@@ -38,7 +39,7 @@ class LoadedPart {
   };
   static_assert(sizeof(Moving) <= 320, "loaded_bytes::kMotion");
   const Moving& moving(std::uint32_t number) const { return moving_[number]; }
-  const Moving* moving_instance(std::uint32_t instance) const;  // null: it stands still
+  const Moving* moving_instance(std::uint32_t instance) const;  // null: an instance of Embree's
   std::uint64_t bytes() const { return bytes_; }
   bool has_alpha() const { return has_alpha_; }
   // Curves (curves.cpp): a segment's hit, in the space of the part; its box.

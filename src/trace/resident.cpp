@@ -94,8 +94,13 @@ const Part& ResidentSet::prototype(std::uint32_t part, std::uint32_t instance) c
 const Transform& ResidentSet::place(std::uint32_t part, std::uint32_t instance, float time, Transform& moved) const {
   const LoadedPart& p = *parts_[part];
   if (!p.part().motions.empty())
-    if (const LoadedPart::Moving* m = p.moving_instance(instance)) return moved = m->to_world(time);
+    if (const LoadedPart::Moving* m = p.moving_instance(instance); m && !m->moves.empty()) return moved = m->to_world(time);
   return p.part().instances[instance].to_world;
+}
+
+bool ResidentSet::enters_exactly(std::uint32_t part, std::uint32_t instance) const {
+  const LoadedPart::Moving* const m = parts_[part]->moving_instance(instance);
+  return m && m->moves.empty();
 }
 
 bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit) const {

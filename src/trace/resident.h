@@ -36,6 +36,9 @@ class ResidentSet {
   // Where an instance is at a time: its record's own transformation, or, if it moves, `moved`, which is filled in.
   const Transform& place(std::uint32_t part, std::uint32_t instance, float time, Transform& moved) const;
 
+  // Whether rays are rounded no more than the points of the instance when they are taken into its space.
+  bool enters_exactly(std::uint32_t part, std::uint32_t instance) const;
+
   // Nearest hit in one part with t <= hit.t that comes before `hit` in the order (t, shape, primitive); updates hit
   // and returns true if there is one. The ray is traceable().
   bool intersect(std::uint32_t part, const TraceRay& ray, Hit& hit) const;

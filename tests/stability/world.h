@@ -50,15 +50,16 @@ inline SegmentBatch batch_of(const std::vector<ProbeRay>& rays) {
 
 class World {
  public:
-  // `shapes` is what stands between WorldBegin and WorldEnd. part_size: small ones cut the scene into parts.
-  explicit World(const std::string& shapes, std::uint64_t part_size = std::uint64_t{64} << 20,
-                 const std::string& integrator = "Integrator \"path\" \"integer maxdepth\" [5]") {
+  static constexpr const char* kHead =
+      "Camera \"perspective\"\nFilm \"image\" \"integer xresolution\" [16] \"integer yresolution\" [16] "
+      "\"string filename\" \"a.exr\"\nSampler \"sobol\" \"integer pixelsamples\" [4]\n"
+      "Integrator \"path\" \"integer maxdepth\" [5]\n";
+
+  // `shapes` is what stands between WorldBegin and WorldEnd, `head` what comes before, in pbrt-v3's dialect. part_size:
+  // small ones cut the scene into parts.
+  explicit World(const std::string& shapes, std::uint64_t part_size = std::uint64_t{64} << 20, const std::string& head = kHead) {
     prepare_compute_thread();
-    std::ofstream(folder_.path("scene.pbrt"))
-        << "Camera \"perspective\"\nFilm \"image\" \"integer xresolution\" [16] \"integer yresolution\" [16] "
-           "\"string filename\" \"a.exr\"\nSampler \"sobol\" \"integer pixelsamples\" [4]\n"
-        << integrator << "\nWorldBegin\n"
-        << shapes << "\nWorldEnd\n";
+    std::ofstream(folder_.path("scene.pbrt")) << head << "\nWorldBegin\n" << shapes << "\nWorldEnd\n";
     SplitOptions options;
     options.part_size = part_size;
     options.dialect = Dialect::v3;
