@@ -73,11 +73,62 @@ TEST(KindsOfHosts, OneThatOnlyIntersectsNeedsNoRoomForTheMainScene) {
   EXPECT_EQ(f.c.ordered[small].size(), 1u);
 }
 
-TEST(KindsOfHosts, ThoseThatOnlyIntersectCannotDoItAlone) {
+TEST(KindsOfHosts, ThoseThatOnlyIntersectWaitForOneThatTraces) {
+  Fixture f;
+  const HostId first = f.join(hello(false, 10000));
+  f.c.report_loaded(first);
+  f.c.core.tick(10);
+  EXPECT_EQ(f.c.core.phase(), Phase::loading);
+  EXPECT_NE(f.c.core.waiting_for().find("trace paths"), std::string::npos) << f.c.core.waiting_for();
+  EXPECT_EQ(f.c.core.progress().tracers, 0u);
+  f.c.now = 10;
+  const HostId tracer = f.join(hello(true, 10000));
+  f.c.report_loaded(first);
+  f.c.report_loaded(tracer);
+  ASSERT_EQ(f.c.core.phase(), Phase::rendering);
+  EXPECT_EQ(f.c.core.waiting_for(), "");
+
+  // And again when it has gone, with all that it has not done.
+  f.c.work(1);
+  f.c.core.host_lost(tracer, f.c.now);
+  f.c.gone.insert(tracer);
+  EXPECT_EQ(f.c.core.phase(), Phase::rendering);
+  const HostId next = f.join(hello(true, 10000));
+  f.c.report_loaded(next);
+  f.c.work();
+  EXPECT_EQ(f.c.core.progress().paths_done, f.c.core.progress().paths_total);
+}
+
+TEST(KindsOfHosts, WhatTheLastThatTracesCannotLoadEndsTheJob) {
   Fixture f;
   f.join(hello(false, 10000));
+  const HostId tracer = f.join(hello(true, 10000));
+  wire::LoadReport report;
+  report.set_job(1);
+  report.set_error("the main scene does not fit");
+  f.c.core.receive(tracer, report, 1);
   EXPECT_EQ(f.c.core.phase(), Phase::failed);
-  EXPECT_NE(f.c.core.error().find("trace paths"), std::string::npos) << f.c.core.error();
+  EXPECT_NE(f.c.core.error().find("does not fit"), std::string::npos) << f.c.core.error();
+}
+
+TEST(KindsOfHosts, TheLastThatTracesMayLeave) {
+  ManagerOptions o;
+  o.min_hosts = 2;
+  Fixture f(mixed_job(), o);
+  const HostId tracer = f.join(hello(true, 10000)), other = f.join(hello(false, 10000));
+  f.c.report_loaded(tracer);
+  f.c.report_loaded(other);
+  ASSERT_EQ(f.c.core.phase(), Phase::rendering);
+  f.c.core.receive(tracer, wire::Leave(), f.c.now);
+  f.c.work();
+  wire::Status idle;
+  idle.set_idle(true);
+  idle.set_epoch(1000);
+  f.c.core.receive(tracer, idle, f.c.now);
+  f.c.core.receive(tracer, idle, f.c.now);
+  f.c.listen();
+  EXPECT_TRUE(f.c.ended.contains(tracer));
+  EXPECT_EQ(f.c.core.phase(), Phase::rendering);
 }
 
 TEST(KindsOfHosts, PartsGoOnlyWhereTheirFeaturesAre) {

@@ -286,15 +286,15 @@ class RenderRun {
       if (alive == 0 || (core.phase() == ManagerCore::Phase::gathering && alive < request_.hosts))
         return fail("the hosts on this machine have ended");
     }
-    if (request_.listen && p.hosts > 0) {
+    if (request_.listen && p.tracers > 0) {
       alone_since_ = now;
       said_alone_ = false;
     } else if (request_.listen && !said_alone_ && (rendering || core.phase() == ManagerCore::Phase::loading)) {
       said_alone_ = true;
-      spdlog::warn("no worker is left: waiting for one to join");
+      spdlog::warn("no worker is {}: waiting for one to join", p.hosts > 0 ? "there that traces paths" : "left");
     }
-    if (request_.listen && p.hosts == 0 && request_.wait_s && now > alone_since_ + *request_.wait_s)
-      return fail("no host has come in " + std::to_string(static_cast<int>(*request_.wait_s)) +
+    if (request_.listen && p.tracers == 0 && request_.wait_s && now > alone_since_ + *request_.wait_s)
+      return fail("no host that traces paths has come in " + std::to_string(static_cast<int>(*request_.wait_s)) +
                   " seconds");
     if (rendering && request_.max_time_s && !stopped_ &&
         now - p.render_began >= *request_.max_time_s) {

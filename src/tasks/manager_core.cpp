@@ -183,8 +183,11 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
   if (!m.error().empty()) {
     const std::string why =
         "host " + std::to_string(from.value) + " (" + h.hello.name() + "): " + m.error();
+    const bool traced = h.traces();
     remove(from, true, now);
-    if (hosts_.empty()) fail(why, now);
+    // What the last of them cannot do nobody can.
+    const auto can_go_on = [](const auto& e) { return e.second.traces(); };
+    if (hosts_.empty() || (traced && std::none_of(hosts_.begin(), hosts_.end(), can_go_on))) fail(why, now);
     return;
   }
   if (!h.started) h.unforeseen = m.bytes_used() - std::min(m.bytes_used(), main_bytes());
@@ -260,7 +263,7 @@ void ManagerCore::try_release(HostId id, double now) {
     if (h.released == 0) {
       // With nobody who stays there is nobody to hand over to.
       const bool last = outstanding_.empty() && std::all_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
-        return e.second.leaving;
+        return e.second.leaving || !e.second.traces();
       });
       if (!last && !everything_held(false)) return;
       h.released = epoch_ + 1;
@@ -366,6 +369,7 @@ ManagerCore::Progress ManagerCore::progress() const {
   Progress p = progress_;
   for (const auto& [id, h] : hosts_) {
     ++p.hosts;
+    if (h.traces()) ++p.tracers;
     if (!h.complete()) ++p.hosts_loading;
   }
   p.paged_parts = static_cast<std::uint32_t>(paged_.size());

@@ -132,6 +132,7 @@ class ManagerCore {
     std::uint64_t paths_done = 0, paths_total = 0;
     std::uint64_t paths_restored = 0;  // of those done: by an earlier run
     std::uint32_t hosts = 0, hosts_loading = 0;
+    std::uint32_t tracers = 0;  // of these; the others only intersect, and can do nothing alone
     std::uint32_t paged_parts = 0;  // that no host holds, for want of memory
     std::uint64_t invalid_samples = 0, clamped_samples = 0;
     std::uint32_t epoch = 0, generation = 0;

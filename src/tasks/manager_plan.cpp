@@ -124,8 +124,12 @@ Result<ManagerCore::Plan> ManagerCore::plan_paged(bool with_leaving) const {
 // The mildest plan that gives every part a holder: first one that only adds and lets leaving hosts go. Parts
 // that come and go are better than a host that may not.
 std::optional<ManagerCore::Plan> ManagerCore::find_plan(double now) {
-  if (std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.released != 0; }))
-    return std::nullopt;  // all of them are going: the next one that joins is waited for
+  // Nobody is there, or all are going: the next one that joins is waited for.
+  if (std::none_of(hosts_.begin(), hosts_.end(),
+                   [](const auto& h) { return h.second.traces() && h.second.released == 0; })) {
+    no_room_ = kNoTracer;
+    return std::nullopt;
+  }
   std::string why;
   for (const bool with_leaving : {false, true}) {
     for (const Keep keep : {Keep::all, Keep::one_copy}) {
