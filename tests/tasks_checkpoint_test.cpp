@@ -48,6 +48,23 @@ bool same(const TileSums& a, const TileSums& b) {
   return true;
 }
 
+TEST(Checkpoint, KeepsTheLastDecision) {
+  Bytes bytes = encode_header(a_job());
+  const std::uint64_t checksum = header_checksum(bytes);
+  const std::vector<std::uint32_t> early(9, 16), late{16, 24, 32, 16, 40, 16, 16, 16, 17};
+  encode_goals(early, checksum, bytes);
+  encode_record(a_tile(0, 0, {{0, 4}}, 1), checksum, bytes);
+  encode_goals(late, checksum, bytes);
+  const std::size_t good = bytes.size();
+  encode_goals({late.data(), 8}, checksum, bytes);  // of a film with other tiles
+  CheckpointReader reader(bytes, a_job());
+  ASSERT_TRUE(reader.next());
+  EXPECT_EQ(reader.goals(), early);
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(reader.goals(), late);
+  EXPECT_EQ(reader.position(), good);
+}
+
 struct Journal {
   Journal() : bytes(encode_header(a_job())) {
     tiles = {a_tile(0, 0, {{0, 4}}, 1), a_tile(2, 2, {{0, 1}}, 2, 3),

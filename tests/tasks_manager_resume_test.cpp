@@ -79,14 +79,17 @@ TEST(ManagerCore, AddsSamplesToAFinishedPicture) {
 
 TEST(ManagerCore, GoesOnRoundByRound) {
   Cluster first(recording(), job(5, 64, 40));
-  begin(first, 20);
+  begin(first, 3);  // in the first round
   ManagerOptions o = recording(first.core.tile_size());
   o.hold_rounds = true;
   Cluster second(o, job(5, 64, 40));
   for (const TileSums& t : first.core.take_merged()) ASSERT_TRUE(second.core.restore(t));
   begin(second);
+  // The first round completes whatever was begun without rounds.
   int rounds = 1;
   while (second.core.round_complete()) {
+    ASSERT_EQ(second.core.goals()[0] % 16, 0u);
+    for (const PixelSums& p : second.core.film().sums()) ASSERT_EQ(p.count[0] + p.count[1], second.core.goals()[0]);
     ++rounds;
     second.core.next_round(second.now);
     second.work();
@@ -94,6 +97,67 @@ TEST(ManagerCore, GoesOnRoundByRound) {
   EXPECT_EQ(rounds, 3);
   EXPECT_EQ(second.core.phase(), Phase::ending);
   expect_whole(second.core, 40);
+}
+
+TEST(ManagerCore, GivesEveryTileTheSamplesThatItsGoalSays) {
+  ManagerOptions o;
+  o.hold_rounds = true;
+  o.tile = 8;
+  Cluster c(o, job(5, 64, 100));
+  c.report_loaded(c.join());
+  c.work();
+  ASSERT_TRUE(c.core.round_complete());
+  ASSERT_EQ(c.core.goals().size(), 64u);
+  std::vector<std::uint32_t> goals(64, 16);
+  goals[9] = 40;   // tile (1, 1)
+  goals[63] = 24;
+  goals[0] = 8;    // less than there is: nothing
+  c.core.next_round(c.now, goals, 100'000);
+  EXPECT_EQ(c.core.progress().paths_total, 100'000u);
+  c.work();
+  ASSERT_TRUE(c.core.round_complete());
+  for (std::uint32_t y = 0; y < 64; ++y) {
+    for (std::uint32_t x = 0; x < 64; ++x) {
+      const PixelSums& p = c.core.film().at(x, y);
+      const std::uint32_t tile = y / 8 * 8 + x / 8, expected = tile == 9 ? 40 : tile == 63 ? 24 : 16;
+      ASSERT_EQ(p.count[0] + p.count[1], expected) << x << " " << y;
+    }
+  }
+  c.core.next_round(c.now, std::vector<std::uint32_t>(64, 1000));
+  c.work();
+  EXPECT_FALSE(c.core.round_complete());
+  EXPECT_EQ(c.core.phase(), Phase::ending) << "100 samples are all that the job has";
+}
+
+TEST(ManagerCore, GoesOnWithTheDecisionOfAnEarlierRun) {
+  ManagerOptions o = recording();
+  o.hold_rounds = true;
+  o.tile = 8;
+  const auto decide = [](Cluster& c) {
+    std::vector<std::uint32_t> goals(64);
+    for (std::uint32_t i = 0; i < 64; ++i) goals[i] = 16 + i;
+    c.core.next_round(c.now, goals);
+  };
+  Cluster whole(o, job(5, 64, 100));
+  begin(whole);
+  decide(whole);
+  whole.work();
+  Cluster first(o, job(5, 64, 100));
+  begin(first);
+  decide(first);
+  first.work(10);  // some of the round
+  o.fixed_tile = first.core.tile_size();
+  Cluster second(o, job(5, 64, 100));
+  for (const TileSums& t : first.core.take_merged()) ASSERT_TRUE(second.core.restore(t));
+  EXPECT_FALSE(second.core.restore_goals({1, 2, 3})) << "of another film";
+  EXPECT_FALSE(second.core.restore_goals(std::vector<std::uint32_t>(64, 101))) << "more than a pixel may have";
+  ASSERT_TRUE(second.core.restore_goals({first.core.goals().begin(), first.core.goals().end()}));
+  begin(second);
+  ASSERT_TRUE(second.core.round_complete());
+  for (std::size_t p = 0; p < 64 * 64; ++p) {
+    ASSERT_EQ(second.core.film().sums()[p].count, whole.core.film().sums()[p].count);
+    ASSERT_EQ(second.core.film().sums()[p].sum, whole.core.film().sums()[p].sum);
+  }
 }
 
 TEST(ManagerCore, TakesNoTileOfAnotherFilm) {

@@ -45,7 +45,7 @@ std::uint64_t size_option(const std::string& option, const std::string& text) {
 struct Texts {
   std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop,
       dialect, hosts, threads, min_hosts, replication, lost_after, wait, listen, advertise, manager,
-      alpha, max_relmse, parent, tls, web, display, layers;
+      alpha, max_relmse, parent, tls, web, display, layers, sampling;
 };
 
 constexpr auto kLayers = std::to_array<const char*>({"error", "samples"});
@@ -97,8 +97,11 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--max-depth", t.max_depth, "maxdepth of the integrator");
   app.add_option("--resolution", t.resolution, "WxH pixels");
   app.add_option("--seed", t.seed, "another picture of the same scene");
-  app.add_option("--max-error", t.max_error, "stop when the estimated relMSE is this small");
-  app.add_option("--max-time", t.max_time, "stop after about this many seconds of rendering");
+  app.add_option("--max-error", t.max_error, "stop when the relMSE is this small, by the upper end of its estimate's interval");
+  app.add_option("--max-time", t.max_time, "stop after about this many seconds of rendering (without --spp: not before)");
+  app.add_option("--sampling", t.sampling,
+                 "adaptive (default with --max-error and --max-time: samples go where the error is) or uniform")
+      ->check(CLI::IsMember({"adaptive", "uniform"}));
   app.add_option("--reference", o.reference, "picture to measure the error against");
   app.add_option("--layers", t.layers, "also in the .exr: " + layer_names() + ", separated by commas, or all");
   app.add_option("--report", o.report, "write figures about the render to this JSON file");
@@ -155,6 +158,9 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   }
   if (!t.max_error.empty()) r.max_error = at_least<double>("--max-error", t.max_error, 0);
   if (!t.max_time.empty()) r.max_time_s = at_least<double>("--max-time", t.max_time, 0);
+  if (t.sampling == "adaptive" && !r.max_error && !r.max_time_s)
+    throw UsageError("--sampling adaptive needs --max-error or --max-time: it goes on until one of them is reached");
+  r.adaptive = t.sampling != "uniform";
   if (!t.layers.empty()) o.layers = read_layers(t.layers);
   if (!t.alpha.empty()) r.alpha = at_least<float>("--alpha", t.alpha, 0);
   r.log_level = o.log.level;

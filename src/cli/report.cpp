@@ -61,11 +61,10 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
     hosts.push_back(report_host(host, o.render_s));
   }
   const auto paths = static_cast<double>(o.paths_done - o.paths_restored);  // of this run
-  const Film::ErrorEstimate estimate = o.film->estimated_error(o.facts.settings.film.scale);
-  Json error = {{"estimated_relmse", estimate.relmse},
-                {"estimated_relmse_low", estimate.low},
-                {"estimated_relmse_high", estimate.high},
-                {"estimated_relmse_trimmed", estimate.trimmed}};
+  Json error = {{"estimated_relmse", o.estimate.relmse},
+                {"estimated_relmse_low", o.estimate.low},
+                {"estimated_relmse_high", o.estimate.high},
+                {"estimated_relmse_trimmed", o.estimate.trimmed}};
   if (difference) {
     error["relmse"] = difference->relmse;
     error["relmse_trimmed"] = difference->relmse_trimmed;

@@ -53,11 +53,16 @@ void Checkpoint::restore(ManagerCore& core, std::uint32_t spp) {
   CheckpointReader reader(mapped.bytes, *made_);
   std::size_t good = reader.position();
   std::uint32_t samples = 0;
+  bool refused = false;
   while (const auto tile = reader.next()) {
     samples = std::max(samples, tile->samples.back().end);
-    if (samples <= spp && !core.restore(*tile)) break;
+    if (samples <= spp && !core.restore(*tile)) {
+      refused = true;
+      break;
+    }
     good = reader.position();
   }
+  if (!refused) good = reader.position();  // a decision may be the last record
   if (samples > spp)
     throw UsageError("checkpoint " + path() + " was made with spp " + std::to_string(samples) +
                      ", this render has spp " + std::to_string(spp));
@@ -66,6 +71,10 @@ void Checkpoint::restore(ManagerCore& core, std::uint32_t spp) {
                  mapped.bytes.size() - good);
     file_.cut_off(good);
   }
+  if (!reader.goals().empty() && core.phase() == ManagerCore::Phase::gathering && !core.restore_goals(reader.goals()))
+    spdlog::warn("the checkpoint {} asks for more samples of a pixel than this render may take: what it asks for is decided anew",
+                 path());
+  decisions_ = core.decisions();
   header_checksum_ = header_checksum(mapped.bytes);
   spdlog::info("{} of {} paths are in the checkpoint {}", core.progress().paths_done,
                core.progress().paths_total, path());
@@ -79,7 +88,8 @@ void Checkpoint::record(ManagerCore& core) {
     spdlog::warn("the checkpoint {} has been removed, and is made anew", path());
     return rewrite(core);
   }
-  if (merged.empty()) return;
+  const bool decided = core.decisions() != decisions_;
+  if (merged.empty() && !decided) return;
   Bytes bytes;
   if (header_checksum_ == 0) {
     job_.tile = core.tile_size();
@@ -87,6 +97,8 @@ void Checkpoint::record(ManagerCore& core) {
     bytes = encode_header(job_);
     header_checksum_ = header_checksum(bytes);
   }
+  if (decided) encode_goals(core.goals(), header_checksum_, bytes);
+  decisions_ = core.decisions();
   for (const TileSums& tile : merged) encode_record(tile, header_checksum_, bytes);
   file_.append(std::move(bytes));
   if (file_.bytes() < std::max(kSmallJournal, kCompactFactor * compact_bytes_)) return;
@@ -100,6 +112,7 @@ void Checkpoint::rewrite(const ManagerCore& core) {
   Bytes bytes = whole_checkpoint(core, job_);
   compact_bytes_ = bytes.size();
   header_checksum_ = header_checksum(bytes);
+  decisions_ = core.decisions();
   file_.replace(std::move(bytes));
 }
 
@@ -115,6 +128,7 @@ Bytes whole_checkpoint(const ManagerCore& core, CheckpointJob job) {
   job.fingerprint = core.fingerprint().value_or(0);
   Bytes bytes = encode_header(job);
   const std::uint64_t checksum = header_checksum(bytes);
+  if (!core.goals().empty()) encode_goals(core.goals(), checksum, bytes);
   const ManagerCore::Progress p = core.progress();
   bool first = true;
   for (std::size_t i = 0; i < core.tiles(); ++i) {

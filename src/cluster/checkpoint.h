@@ -38,6 +38,7 @@ class Checkpoint {
   std::optional<CheckpointJob> made_;
   std::uint64_t header_checksum_ = 0;  // 0: not written yet
   std::uint64_t compact_bytes_ = 0;    // of the film as one record a tile, about
+  std::uint32_t decisions_ = 0;        // of the core that are written
 };
 
 // The state of the film as a file of its own.

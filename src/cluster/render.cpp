@@ -17,6 +17,7 @@
 #include "cluster/usage.h"
 #include "cluster/worker.h"
 #include "film/camera.h"
+#include "film/sample_plan.h"
 #include "shading/lights.h"
 #include "shading/material.h"
 
@@ -29,7 +30,8 @@ constexpr double kEstimateEvery = 2;  // seconds between error estimates for the
 constexpr auto kChildrenEnd = 5s;
 constexpr auto kInterruptedChildrenEnd = 500ms;  // they may still be looking for us
 constexpr std::uint32_t kBoundedSpp =
-    1u << 16;  // samples at most when only --max-error ends the render
+    1u << 16;  // samples at most when only an error or a time ends the render
+constexpr std::uint32_t kAdaptiveTile = 8;  // pixels, each with the same number of samples
 
 // A secret that only hosts started by this process know.
 std::string write_token(const std::string& path) {
@@ -88,7 +90,7 @@ class RenderRun {
       interrupts_.set_handler(nullptr);
     }
     overrides_ = request_.overrides;
-    if (request_.max_error && !overrides_.spp) overrides_.spp = kBoundedSpp;
+    if ((request_.max_error || request_.max_time_s) && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
     needs_ = scene_needs(manifest_->scene, facts_.settings, warnings_);  // here, as hosts warn nobody
     facts_.camera_matrices = camera_matrices(manifest_->scene.camera);
@@ -124,6 +126,8 @@ class RenderRun {
                        "bits (--allow-inexact goes on all the same)");
   }
 
+  bool adaptive() const { return request_.adaptive && (request_.max_error || request_.max_time_s); }
+  Film::Looks looks() const { return request_.max_error ? Film::Looks::until_good : Film::Looks::once; }
   bool in_process() const { return !request_.listen && request_.hosts <= 1; }
 
   void start_manager() {
@@ -133,7 +137,8 @@ class RenderRun {
     c.core.replication = request_.replication;
     c.core.lost_after_s = request_.lost_after_s;
     c.core.allow_inexact = request_.allow_inexact;
-    c.core.hold_rounds = request_.max_error.has_value();
+    c.core.hold_rounds = request_.max_error || adaptive();
+    if (adaptive()) c.core.tile = kAdaptiveTile;  // whatever the cluster is
     if (checkpoint_) checkpoint_->prepare(c.core);
     c.job = make_job_spec(*manifest_, facts_.settings, overrides_, needs_, folder_, true);
     c.folder = folder_;
@@ -147,7 +152,7 @@ class RenderRun {
     manager_ = std::make_unique<Manager>(io_, clock_, std::move(c));
     ManagerCore& core = manager_->core();
     if (checkpoint_) checkpoint_->restore(core, facts_.settings.spp);
-    // Of a picture with a part of the next round nothing can be decided any more, and it has been.
+    // Of a picture with a part of the next round nothing can be said any more, and it has been.
     const std::uint64_t complete = core.complete_samples() * facts_.settings.film.frame.pixels();
     if (core.progress().paths_done > complete) recorded_samples_ = core.complete_samples();
   }
@@ -228,21 +233,39 @@ class RenderRun {
     if (core.phase() == ManagerCore::Phase::failed) return fail(core.error());
     if (core.finished()) return shut();
     const std::uint32_t samples = core.complete_samples();
-    if (samples > recorded_samples_ && core.phase() == ManagerCore::Phase::rendering) {
+    const bool held = core.round_complete();
+    if (core.phase() == ManagerCore::Phase::rendering &&
+        (held ? core.decisions() > recorded_decisions_ : samples > recorded_samples_ && !adaptive())) {
       recorded_samples_ = samples;
+      recorded_decisions_ = core.decisions();
       const double error = record();
       if (request_.max_error && error <= *request_.max_error) bound_met_ = true;
     }
-    if (!core.round_complete()) return;
+    if (!held) return;
     // next_round() and stop() come back here through drain().
     asio::post(io_, [this] {
       if (shut_ || !manager_->core().round_complete()) return;
       if (bound_met_)
         manager_->core().stop(clock_.now());
       else
-        manager_->core().next_round(clock_.now());
+        next_round();
       manager_->drain();
     });
+  }
+
+  void next_round() {
+    ManagerCore& core = manager_->core();
+    if (!adaptive()) return core.next_round(clock_.now());
+    SamplePlan plan = plan_samples(core.film(), facts_.settings.film.scale, convergence_.back().estimate, core.tile_size(),
+                                   core.goals(), request_.max_error, facts_.settings.spp);
+    core.next_round(clock_.now(), std::move(plan.goals), plan.expected_paths);
+  }
+
+  // Of a picture whose pixels have different numbers of samples: on average.
+  std::uint32_t samples_done() const {
+    const ManagerCore& core = manager_->core();
+    if (!adaptive()) return core.complete_samples();
+    return static_cast<std::uint32_t>(core.progress().paths_done / facts_.settings.film.frame.pixels());
   }
 
   double record() {
@@ -250,8 +273,8 @@ class RenderRun {
     const float scale = facts_.settings.film.scale;
     ConvergencePoint p;
     p.render_s = clock_.now() - manager_->core().progress().render_began;
-    p.spp = manager_->core().complete_samples();
-    p.estimate = film.estimated_error(scale);
+    p.spp = samples_done();
+    p.estimate = film.estimated_error(scale, looks());
     if (request_.reference)
       p.relmse = compare_images(film.image(scale), *request_.reference).relmse;
     convergence_.push_back(p);
@@ -304,7 +327,7 @@ class RenderRun {
       if (shut_) return;
     }
     if (rendering && (observer_.progress || observer_.look) && now > estimated_at_ + kEstimateEvery) {
-      estimate_ = core.film().estimated_error(facts_.settings.film.scale);
+      estimate_ = core.film().estimated_error(facts_.settings.film.scale, looks());
       estimated_at_ = now;
     }
     const RenderProgress out = progress();
@@ -336,25 +359,27 @@ class RenderRun {
     RenderOutcome out;
     keep(core, out);
     if (observer_.look) observer_.look({core, facts_, progress()});
+    const std::uint32_t samples = samples_done();
     out.facts = std::move(facts_);
     out.spp_done = core.complete_samples();
     out.hosts = core.hosts();
     out.bit_exact = core.bit_exact();
     out.film = std::make_unique<Film>(std::move(core.film()));
     out.interrupted = interrupted_;
-    if (convergence_.empty() || convergence_.back().spp < out.spp_done) {
+    out.estimate = out.film->estimated_error(out.facts.settings.film.scale, looks());
+    if (convergence_.empty() || convergence_.back().spp < (adaptive() ? samples : out.spp_done)) {
       const float scale = out.facts.settings.film.scale;
       ConvergencePoint last;
       last.render_s = p.render_ended - p.render_began;
-      last.spp = out.spp_done;
-      last.estimate = out.film->estimated_error(scale);
+      last.spp = adaptive() ? samples : out.spp_done;
+      last.estimate = out.estimate;
       if (request_.reference)
         last.relmse = compare_images(out.film->image(scale), *request_.reference).relmse;
       convergence_.push_back(last);
     }
     // A time that was asked for, too, ends a render that has not reached its error.
     out.bound_met =
-        !request_.max_error || convergence_.back().estimate.high <= *request_.max_error;
+        !request_.max_error || out.estimate.high <= *request_.max_error;
     out.paths_done = p.paths_done;
     out.paths_restored = p.paths_restored;
     out.spp_mean =
@@ -417,7 +442,7 @@ class RenderRun {
   std::unique_ptr<LocalHost> local_;
   std::string error_;
   bool interrupted_ = false, shut_ = false, stopped_ = false, bound_met_ = false;
-  std::uint32_t recorded_samples_ = 0;
+  std::uint32_t recorded_samples_ = 0, recorded_decisions_ = 0;
   std::vector<ConvergencePoint> convergence_;
   std::optional<Film::ErrorEstimate> estimate_;
   double estimated_at_ = 0, alone_since_ = 0;

@@ -34,7 +34,10 @@ struct RenderRequest {
   float alpha = 0.25f;
   double lost_after_s = 3;
   std::optional<double> wait_s;  // without any host
+  // The error is met when the upper end of its estimate's interval is below. With either of them, and `adaptive`, samples
+  // go where the error is; a time without a number of samples ends nothing before.
   std::optional<double> max_error, max_time_s;
+  bool adaptive = true;
   std::optional<Image> reference;
   std::string checkpoint;  // "": an interrupt leaves one where the observer says
   bool resume = false;
@@ -59,7 +62,7 @@ struct RenderProgress {
 
 struct ConvergencePoint {
   double render_s = 0;
-  std::uint32_t spp = 0;
+  std::uint32_t spp = 0;  // that every pixel has; with adaptive sampling of a pixel, on average
   Film::ErrorEstimate estimate;
   std::optional<double> relmse;
 };
@@ -96,6 +99,7 @@ struct RenderOutcome {
   std::uint32_t spp_done = 0;    // samples that every pixel has
   double spp_mean = 0;           // samples of a pixel, on average
   std::vector<ConvergencePoint> convergence;
+  Film::ErrorEstimate estimate;
   std::map<HostId, ManagerCore::HostReport> hosts;
   std::array<double, 4> engine_s{};  // one host in this process: camera, trace, shade, occlusion
 };

@@ -9,8 +9,9 @@
 namespace cloudrenderer {
 namespace {
 
-// The interval is that of a normal distribution at 98 %: its normal is an approximation, and 90 % are promised.
-constexpr double kQuantile = 2.326;
+// Quantiles of the normal distribution: 98 % for one look, since it is an approximation and 90 % are promised. Who looks
+// after every round and stops at the first good one takes the luckiest of his looks: found with many seeds.
+constexpr double kOnce = 2.326, kRepeatedly = 3.3;
 // An error is never taken as relative to less than this share of the brightest neighbour: the edge of a light.
 constexpr float kShareOfNeighbour = 0.02f;
 constexpr float kBrightest = 1e15f;  // squares of sums of such stay finite
@@ -179,7 +180,7 @@ ImageChannel samples_layer(const Film& film) {
   return {"samples", std::move(counts)};
 }
 
-Film::ErrorEstimate Film::estimated_error(float scale) const {
+Film::ErrorEstimate Film::estimated_error(float scale, Looks looks) const {
   PixelErrors all = cloudrenderer::pixel_errors(*this, scale);
   const auto counted =
       static_cast<std::size_t>(std::count_if(all.by_median.begin(), all.by_median.end(), [](double e) { return e >= 0; }));
@@ -187,9 +188,10 @@ Film::ErrorEstimate Film::estimated_error(float scale) const {
   const Moments by_median = moments(all.by_median, counted), by_smoothed = moments(all.by_smoothed, counted);
   ErrorEstimate out;
   out.relmse = by_median.mean;
+  const double quantile = looks == Looks::once ? kOnce : kRepeatedly;
   const auto bound = [&](double sign) {
-    const double a = by_median.mean + sign * kQuantile * by_median.deviation;
-    const double b = by_smoothed.mean + sign * kQuantile * by_smoothed.deviation;
+    const double a = by_median.mean + sign * quantile * by_median.deviation;
+    const double b = by_smoothed.mean + sign * quantile * by_smoothed.deviation;
     return std::max(0.0, sign < 0 ? std::min(a, b) : std::max(a, b));
   };
   out.low = bound(-1);

@@ -102,7 +102,8 @@ class Film {
     double relmse = 0, low = 0, high = 0;
     double trimmed = 0;  // without the worst 0.1 % of the pixels
   };
-  ErrorEstimate estimated_error(float scale) const;
+  enum class Looks { once, until_good };  // with until_good wider: the picture ends at the first good estimate
+  ErrorEstimate estimated_error(float scale, Looks looks = Looks::once) const;
   double estimated_relmse(float scale) const { return estimated_error(scale).relmse; }
   std::vector<double> pixel_errors(float scale) const;  // of which relmse is the mean; -1: left out
 

@@ -13,7 +13,7 @@ namespace cloudrenderer {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'c', 'r', 'c', 'k', 'p', 't', '\r', '\n'};
-constexpr std::uint32_t kVersion = 1, kTileMark = 0x656c6974;  // "tile"
+constexpr std::uint32_t kVersion = 2, kTileMark = 0x656c6974, kGoalMark = 0x6c616f67;  // "tile", "goal"
 constexpr std::size_t kRecordHeaderBytes = 16, kBodyHeaderBytes = 40;
 constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
@@ -200,6 +200,14 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   return Result<std::optional<CheckpointJob>>(job);
 }
 
+void encode_goals(std::span<const std::uint32_t> goals, std::uint64_t header_checksum, Bytes& out) {
+  const auto bytes = std::as_bytes(goals);
+  put(out, kGoalMark);
+  put(out, static_cast<std::uint32_t>(bytes.size()));
+  put(out, hash(bytes, header_checksum + bytes.size()));
+  out.insert(out.end(), bytes.begin(), bytes.end());
+}
+
 void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& out) {
   const auto expected = counts_of(tile.samples);
   const bool counts = std::any_of(tile.sums.begin(), tile.sums.end(),
@@ -246,19 +254,33 @@ CheckpointReader::CheckpointReader(std::span<const std::byte> bytes, const Check
     : bytes_(bytes), job_(job), seed_(header_checksum(bytes)) {}
 
 std::optional<TileSums> CheckpointReader::next() {
-  const auto rest = bytes_.subspan(position_);
-  if (rest.size() < kRecordHeaderBytes) return std::nullopt;
-  Cursor in(rest);
-  const auto mark = in.take<std::uint32_t>();
-  const auto bytes = in.take<std::uint32_t>();
-  const auto checksum = in.take<std::uint64_t>();
-  if (mark != kTileMark || bytes < kBodyHeaderBytes || bytes > rest.size() - kRecordHeaderBytes)
-    return std::nullopt;
-  const auto body = rest.subspan(kRecordHeaderBytes, bytes);
-  if (hash(body, seed_ + bytes) != checksum) return std::nullopt;
-  auto tile = decode(body);
-  if (tile) position_ += kRecordHeaderBytes + bytes;
-  return tile;
+  for (;;) {
+    const auto rest = bytes_.subspan(position_);
+    if (rest.size() < kRecordHeaderBytes) return std::nullopt;
+    Cursor in(rest);
+    const auto mark = in.take<std::uint32_t>();
+    const auto bytes = in.take<std::uint32_t>();
+    const auto checksum = in.take<std::uint64_t>();
+    if (bytes > rest.size() - kRecordHeaderBytes) return std::nullopt;
+    const auto body = rest.subspan(kRecordHeaderBytes, bytes);
+    if (hash(body, seed_ + bytes) != checksum) return std::nullopt;
+    std::optional<TileSums> tile;
+    if (mark == kTileMark && bytes >= kBodyHeaderBytes) tile = decode(body);
+    if (!tile && (mark != kGoalMark || !decode_goals(body))) return std::nullopt;
+    position_ += kRecordHeaderBytes + bytes;
+    if (tile) return tile;
+  }
+}
+
+bool CheckpointReader::decode_goals(std::span<const std::byte> body) {
+  const FilmFrame& f = job_.frame;
+  const std::uint64_t tile = job_.tile;
+  if (tile == 0) return false;
+  const std::uint64_t tiles = ((f.crop_width() + tile - 1) / tile) * ((f.crop_height() + tile - 1) / tile);
+  if (body.size() != tiles * sizeof(std::uint32_t)) return false;
+  goals_.resize(tiles);
+  std::memcpy(goals_.data(), body.data(), body.size());
+  return true;
 }
 
 std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body) const {

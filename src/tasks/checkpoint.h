@@ -16,6 +16,9 @@
 //   u16 0, u64 invalid samples, u64 clamped samples, the ranges (u32 begin, end), then row by row
 //   for every pixel: with flag 2 the samples counted (u32 even, odd), and six sums in two's
 //   complement (even R G B, odd R G B). Without flag 2 every sample of the ranges is counted.
+// A record of a decision (adaptive sampling), before the samples that it asks for:
+//   u32 "goal", u32 bytes, u64 checksum as above, then for every tile of the film, row by row, u32: samples
+//   that each of its pixels has when the round is complete
 // Records of one tile have no sample in common. The journal ends at the first record that is cut
 // off, damaged or impossible; what is behind is not looked at.
 #include <cstddef>
@@ -68,6 +71,7 @@ using Bytes = std::vector<std::byte>;
 Bytes encode_header(const CheckpointJob& job);
 // Appends to `out`. `header_checksum`: of encode_header().
 void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& out);
+void encode_goals(std::span<const std::uint32_t> goals, std::uint64_t header_checksum, Bytes& out);
 std::uint64_t header_checksum(std::span<const std::byte> header);
 
 inline constexpr std::size_t kCheckpointHeaderBytes = 112;
@@ -82,14 +86,18 @@ class CheckpointReader {
   CheckpointReader(std::span<const std::byte> bytes, const CheckpointJob& job);
   std::optional<TileSums> next();                     // none: the end, clean or not
   std::size_t position() const { return position_; }  // behind the last good record
+  // Of the last decision that has been read; empty: none.
+  const std::vector<std::uint32_t>& goals() const { return goals_; }
 
  private:
   std::optional<TileSums> decode(std::span<const std::byte> body) const;
+  bool decode_goals(std::span<const std::byte> body);
 
   std::span<const std::byte> bytes_;
   CheckpointJob job_;
   std::uint64_t seed_;
   std::size_t position_ = kCheckpointHeaderBytes;
+  std::vector<std::uint32_t> goals_;
 };
 
 }  // namespace cloudrenderer

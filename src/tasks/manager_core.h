@@ -96,7 +96,14 @@ class ManagerCore {
   // With hold_rounds: a round is complete, and the driver decides by the film: next_round() or
   // stop().
   bool round_complete() const;
-  void next_round(double now);
+  // Until every tile has got as many samples as its goal says; without goals round_samples more in each.
+  // `expected`: paths of the whole job, as far as is known; 0: not at all.
+  void next_round(double now, std::vector<std::uint32_t> goals = {}, std::uint64_t expected = 0);
+  // With hold_rounds, by tile: samples that it has got at the end of the round.
+  std::span<const std::uint32_t> goals() const { return goals_; }
+  // Of an earlier run's last round; before restore() and the first host, with fixed_tile. False: they cannot be.
+  bool restore_goals(std::vector<std::uint32_t> goals);
+  std::uint32_t decisions() const { return decisions_; }  // how often the goals have changed
   std::uint32_t complete_samples() const;  // samples per pixel of all complete rounds
 
   // What an earlier run of this job has done; before the first host joins, with fixed_tile. False,
@@ -237,6 +244,10 @@ class ManagerCore {
   void take_back(std::map<std::uint32_t, Outstanding>::iterator o);
   void merge(const Outstanding& o, wire::RendererReply& r);
   void set_tile(std::uint32_t tile);
+  void begin_held_rounds();
+  bool held_to_the_end() const;
+  SampleRange wanted(std::size_t tile) const;  // of the round that is handed out
+  std::uint64_t missing_paths() const;
   void cover(std::size_t tile, SampleRange samples);
   void advance_cursor();
   std::uint32_t rounds() const {
@@ -270,6 +281,8 @@ class ManagerCore {
   std::uint32_t tile_ = 32, tiles_x_ = 0, tiles_y_ = 0;
   std::uint32_t round_ = 0, allowed_rounds_ = 0, cursor_tile_ = 0;
   std::vector<SampleSet> covered_;  // by tile: samples in the film
+  std::vector<std::uint32_t> goals_;
+  std::uint32_t decisions_ = 0;
   std::vector<TileSums> merged_;
   std::vector<RendererRange> returned_;
   std::map<std::uint32_t, Outstanding> outstanding_;

@@ -36,6 +36,7 @@ void ManagerCore::begin_rendering(double now) {
     set_tile(tile);
     if (tile <= 8 || std::uint64_t{covered_.size()} * rounds() >= wanted) break;
   }
+  if (options_.hold_rounds) begin_held_rounds();
   advance_cursor();
   for (auto& [id, h] : hosts_) h.rate_since = now;
   new_map(false);
@@ -49,6 +50,48 @@ void ManagerCore::set_tile(std::uint32_t tile) {
   tiles_x_ = tiles(job_.frame.crop_width());
   tiles_y_ = tiles(job_.frame.crop_height());
   covered_.assign(std::size_t{tiles_x_} * tiles_y_, {});
+}
+
+// An earlier run may have decided already, or may have held no rounds.
+void ManagerCore::begin_held_rounds() {
+  if (goals_.empty()) {
+    std::uint32_t most = 1;
+    for (const SampleSet& s : covered_)
+      if (!s.ranges().empty()) most = std::max(most, s.ranges().back().end);
+    const std::uint32_t step = options_.round_samples;
+    goals_.assign(covered_.size(), std::min(job_.spp, (most + step - 1) / step * step));
+    ++decisions_;
+  }
+  unassigned_paths_ = missing_paths();
+}
+
+bool ManagerCore::restore_goals(std::vector<std::uint32_t> goals) {
+  if (phase_ != Phase::gathering || !hosts_.empty() || goals.size() != covered_.size() ||
+      std::ranges::any_of(goals, [&](std::uint32_t g) { return g > job_.spp; }))
+    return false;
+  goals_ = std::move(goals);
+  ++decisions_;
+  return true;
+}
+
+SampleRange ManagerCore::wanted(std::size_t tile) const {
+  if (options_.hold_rounds) return {0, goals_[tile]};
+  const std::uint32_t first = round_ * options_.round_samples;
+  return {first, std::min(job_.spp, first + options_.round_samples)};
+}
+
+// Of the rounds that may be handed out, with hold_rounds; nothing is on its way.
+std::uint64_t ManagerCore::missing_paths() const {
+  std::uint64_t paths = 0;
+  for (std::size_t tile = 0; tile < covered_.size(); ++tile) {
+    RendererRange r = tile_range(tile);
+    for (const SampleRange& s : covered_[tile].gaps({0, goals_[tile]})) {
+      r.sample_begin = s.begin;
+      r.sample_end = s.end;
+      paths += r.paths();
+    }
+  }
+  return paths;
 }
 
 RendererRange ManagerCore::tile_range(std::size_t tile) const {
@@ -103,7 +146,7 @@ bool ManagerCore::restore(const TileSums& t) {
   progress_.paths_restored += progress_.paths_done - before;
   unassigned_paths_ -= progress_.paths_done - before;
   if (!t.exact) bit_exact_ = false;
-  if (unassigned_paths_ == 0) phase_ = Phase::done;
+  if (unassigned_paths_ == 0) phase_ = Phase::done;  // of the whole job: rounds are held later
   return true;
 }
 
@@ -211,9 +254,7 @@ std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
   if (returned_.empty()) {
     if (round_ >= allowed_rounds_) return std::nullopt;
     RendererRange whole = tile_range(cursor_tile_);
-    const std::uint32_t first = round_ * options_.round_samples;
-    for (const SampleRange& s :
-         covered_[cursor_tile_].gaps({first, std::min(job_.spp, first + options_.round_samples)})) {
+    for (const SampleRange& s : covered_[cursor_tile_].gaps(wanted(cursor_tile_))) {
       whole.sample_begin = s.begin;
       whole.sample_end = s.end;
       returned_.push_back(whole);
@@ -236,12 +277,9 @@ std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
 
 // To the next tile and round of which something is missing.
 void ManagerCore::advance_cursor() {
-  for (; round_ < rounds(); ++round_, cursor_tile_ = 0) {
-    const std::uint32_t first = round_ * options_.round_samples;
-    const SampleRange wanted{first, std::min(job_.spp, first + options_.round_samples)};
+  for (; round_ < allowed_rounds_; ++round_, cursor_tile_ = 0)
     for (; cursor_tile_ < covered_.size(); ++cursor_tile_)
-      if (!covered_[cursor_tile_].gaps(wanted).empty()) return;
-  }
+      if (!covered_[cursor_tile_].gaps(wanted(cursor_tile_)).empty()) return;
 }
 
 std::uint32_t ManagerCore::give(HostId id, Host& h, RendererRange range, double now) {
@@ -325,14 +363,26 @@ void ManagerCore::merge(const Outstanding& o, wire::RendererReply& r) {
 
 bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }
 
-bool ManagerCore::round_complete() const {
-  return options_.hold_rounds && phase_ == Phase::rendering && !stopped_ &&
-         allowed_rounds_ < rounds() && nothing_left() && outstanding_.empty();
+// No tile may get more samples than it has, or will have at the end of this round.
+bool ManagerCore::held_to_the_end() const {
+  return !options_.hold_rounds || std::ranges::all_of(goals_, [&](std::uint32_t g) { return g >= job_.spp; });
 }
 
-void ManagerCore::next_round(double now) {
+bool ManagerCore::round_complete() const {
+  return options_.hold_rounds && phase_ == Phase::rendering && !stopped_ && nothing_left() && outstanding_.empty() &&
+         !held_to_the_end();
+}
+
+void ManagerCore::next_round(double now, std::vector<std::uint32_t> goals, std::uint64_t expected) {
   if (!round_complete()) return;
+  for (std::size_t tile = 0; tile < goals_.size(); ++tile)
+    goals_[tile] = std::min(job_.spp, std::max(goals_[tile], goals.empty() ? goals_[tile] + options_.round_samples : goals[tile]));
+  ++decisions_;
   ++allowed_rounds_;
+  cursor_tile_ = 0;
+  unassigned_paths_ = missing_paths();
+  if (expected > 0) progress_.paths_total = std::max(expected, progress_.paths_done + unassigned_paths_);
+  advance_cursor();
   hand_out(now);
   check_end(now);  // a checkpoint may have had all that was left
 }
@@ -345,7 +395,7 @@ std::uint32_t ManagerCore::complete_samples() const {
 
 void ManagerCore::check_end(double now) {
   if (phase_ != Phase::rendering || !outstanding_.empty()) return;
-  if (stopped_ || (nothing_left() && allowed_rounds_ >= rounds())) begin_end("", now);
+  if (stopped_ || (nothing_left() && held_to_the_end())) begin_end("", now);
 }
 
 void ManagerCore::stop(double now) {

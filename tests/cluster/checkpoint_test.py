@@ -84,6 +84,19 @@ class Checkpoints(support.ClusterTest):
                 self.expect(0, *self.command("--checkpoint", self.ckpt, "--resume", "--hosts", 2, job=job))
                 self.assert_picture(spp)
 
+    def test_adaptive_cut_off_anywhere(self):
+        job = ("--max-error", 0.002, "--resolution", SIZE)
+        report = self.expect(0, *self.command("--checkpoint", self.ckpt, job=job), report=True).report
+        self.assertGreater(len(report["convergence"]), 2, "no round was decided on")
+        wanted = measure.read_rgb(self.out)
+        whole = self.ckpt.read_bytes()
+        for size in (self.dice.randrange(len(whole) // 3), *(self.dice.randrange(len(whole) // 3, len(whole)) for _ in range(2))):
+            with self.subTest(size):
+                self.ckpt.write_bytes(whole[:size])
+                found = self.expect(0, *self.command("--checkpoint", self.ckpt, "--resume", "--hosts", 2, job=job), report=True).report
+                self.assertTrue(np.array_equal(measure.read_rgb(self.out), wanted), "other samples were decided on")
+                self.assertEqual(found["paths"], report["paths"])
+
     def test_an_interrupt_leaves_a_checkpoint_that_can_be_resumed(self):
         run = self.start("run", *self.command("--hosts", 2, threads=1))
         time.sleep(1)

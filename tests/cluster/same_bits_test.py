@@ -41,6 +41,18 @@ class SameBits(support.ClusterTest):
         self.check(wanted, "unsplit", support.SCENE, "--threads", 2)
         self.check(wanted, "unsplit-two", support.SCENE, "--hosts", 2, "--threads", 1, "--part-size", "2MiB")
 
+    def test_adaptive_samples(self):
+        split, bound = self.split(), ("--max-error", 0.002, "--resolution", SIZE)
+        wanted, report = self.render("one-adaptive", split, "--threads", 1, *bound)
+        self.assertGreater(len(report["convergence"]), 2, "no round was decided on")
+        self.assertLessEqual(report["error"]["estimated_relmse_high"], 0.002)
+        share = int(report["hosts"][0]["memory_peak"] * 0.65)
+        for hosts, threads in ((1, 2), (2, 1), (5, 1)):
+            more = ("--memory", share) if hosts > 1 else ()
+            image, found = self.render(f"{hosts}x{threads}-adaptive", split, "--hosts", hosts, "--threads", threads, *bound, *more)
+            self.assertTrue(np.array_equal(image, wanted), f"the picture of {hosts} hosts differs")
+            self.assertEqual(found["paths"], report["paths"])
+
     def test_what_moves(self):
         scene, split = self.folder / "moving.pbrt", self.folder / "moving"
         scene.write_text(moving_scene.text())
