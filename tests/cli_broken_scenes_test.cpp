@@ -235,7 +235,7 @@ std::vector<Broken> scenes() {
       {E, "must be of type point", world("LightSource \"point\" \"rgb from\" [1 1 1]")},
       {P, "does not shine", world("AreaLightSource \"glowing\" Shape \"sphere\"")},
       {P, "area lights inside of objects", world("ObjectBegin \"a\" AreaLightSource \"diffuse\" Shape \"sphere\" ObjectEnd ObjectInstance \"a\"")},
-      {P, "", world("AreaLightSource \"diffuse\" \"rgb L\" [-1 -1 -1] Shape \"sphere\"")},
+      {P, "2:1: warning: the light's L has negative channels", world("AreaLightSource \"diffuse\" \"rgb L\" [-1 -1 -1] Shape \"sphere\"")},
       {P, "", world("AreaLightSource \"diffuse\" Shape \"trianglemesh\" \"integer indices\" [0 1 2] \"point P\" [0 0 0 0 0 0 0 0 0]")},
       // options
       {P, "camera \"fisheye\" is not supported", options("Camera \"fisheye\"")},
