@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Set-up, build with warnings as errors, all tests but the slow ones. Arguments go to ctest (`tools/test.sh -L unit`).
+# Set-up, build with warnings as errors, all tests but the slow ones (those of clusters one by one). Arguments go to ctest (`tools/test.sh -L unit`).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,6 +13,6 @@ build=$((SECONDS - start))
 
 start=$SECONDS
 status=0
-ctest --test-dir build/release -LE slow --output-on-failure --no-tests=error "$@" || status=$?
+ctest --test-dir build/release -LE slow -j "$(nproc)" --output-on-failure --no-tests=error "$@" || status=$?
 echo "times: set-up ${setup} s, build ${build} s, tests $((SECONDS - start)) s"
 exit $status
