@@ -18,8 +18,6 @@
 #include "cluster/worker.h"
 #include "film/camera.h"
 #include "film/sample_plan.h"
-#include "shading/lights.h"
-#include "shading/material.h"
 
 namespace cloudrenderer {
 namespace {

@@ -30,8 +30,9 @@ void PixelSums::merge(const PixelSums& other) {
   }
 }
 
-Rgb Film::colour(const PixelSums& s, float scale) const {
-  const double unit = fixed_units(-k_) * static_cast<double>(scale);
+namespace {
+
+Rgb colour_of(const PixelSums& s, double unit) {
   const std::uint32_t n = s.count[0] + s.count[1];
   Rgb c(0.f);
   for (std::size_t i = 0; n && i < 3; ++i)
@@ -39,9 +40,16 @@ Rgb Film::colour(const PixelSums& s, float scale) const {
   return c;
 }
 
+}  // namespace
+
+Rgb Film::colour(const PixelSums& pixel, float scale) const {
+  return colour_of(pixel, fixed_units(-k_) * static_cast<double>(scale));
+}
+
 Image Film::image(float scale) const {
+  const double unit = fixed_units(-k_) * static_cast<double>(scale);
   Image out{frame_.crop_width(), frame_.crop_height(), std::vector<Rgb>(sums_.size())};
-  for (std::size_t p = 0; p < sums_.size(); ++p) out.pixels[p] = colour(sums_[p], scale);
+  for (std::size_t p = 0; p < sums_.size(); ++p) out.pixels[p] = colour_of(sums_[p], unit);
   return out;
 }
 

@@ -9,8 +9,6 @@
 namespace cloudrenderer {
 namespace {
 
-constexpr std::size_t kWindow = 64;  // candidates that a segment's mask can name
-
 // False: the hit is on something else than a triangle of the world, which no host that only intersects is given.
 bool describe(const ResidentSet& set, const Hit& hit, AnsweredHit& out) {
   if (hit.geometry != 0 || hit.instance != kNone) return false;

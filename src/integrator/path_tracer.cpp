@@ -13,8 +13,6 @@ namespace cloudrenderer {
 
 namespace {
 
-constexpr std::size_t kWindow = 64;  // candidates that a segment's mask can name
-
 // The candidates of a segment's window, front to back.
 class CandidateList {
  public:

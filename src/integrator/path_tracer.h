@@ -13,6 +13,8 @@
 
 namespace cloudrenderer {
 
+inline constexpr std::size_t kWindow = 64;  // candidates that a segment's mask can name, see PathSegment::window
+
 // Processor time of the batches, in nanoseconds, for the report.
 struct EngineTime {
   std::atomic<std::uint64_t> camera{0}, trace{0}, shade{0}, occlusion{0};  // shade: with its occlusion

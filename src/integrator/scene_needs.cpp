@@ -12,7 +12,7 @@ SceneNeeds scene_needs(const SceneDescription& scene, const JobSettings& job, Wa
   needs.infinite_light = Lights::check(scene, warnings);
   Media::check(scene, warnings);
   needs.media = job.media != MediaTransport::none && !scene.media.empty();
-  needs.inside_media = scene.dialect == Dialect::v3 && !scene.media.empty();
+  needs.inside_media = needs.media && job.media == MediaTransport::multiple;
   Warnings heard;  // of the camera: by who renders
   const auto camera = Camera::build(scene.camera, job.film.frame, scene.dialect, heard, film_diagonal(scene.film));
   needs.lens = camera->uses_lens();

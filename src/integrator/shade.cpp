@@ -315,15 +315,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, wo, print);
   if (bsdf.empty()) return end();
   const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex);
-  ScatterOf<float> v;
-  v.p = p.p;
-  v.ng = p.ng;
-  v.ns = p.ns;
-  v.offset = offset;
-  v.wo = wo;
-  v.vertex = s.vertex;
-  for (std::size_t i = 0; i < v.numbers.size(); ++i) v.numbers[i] = numbers[i];
-  v.throughput = s.throughput;
+  ScatterOf<float> v = scatter_at(p, offset, wo, s, numbers);
   scatter(bsdf, true, v);
   scattered(ScatterResults(v), 0, hit.t);
 }

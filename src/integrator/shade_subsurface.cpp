@@ -85,19 +85,11 @@ void PathTracer::Shader::enter(std::uint32_t material, const InteriorMedium& med
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, -s.direction, footprint);
   if (bsdf.empty()) return end();
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(s.vertex);
-  ScatterOf<float> v;
-  v.p = p.p;
-  v.ng = p.ng;
-  v.ns = p.ns;
-  v.offset = ray_offset(p.p, p.p_error, p.ng);
-  v.wo = -s.direction;
-  v.vertex = s.vertex;
-  for (std::size_t i = 0; i < v.numbers.size(); ++i) v.numbers[i] = numbers[i];
-  v.throughput = s.throughput;
+  ScatterOf<float> v = scatter_at(p, ray_offset(p.p, p.p_error, p.ng), -s.direction, s, numbers);
   v.side = Vec3(0.f);
   if (bsdf.has_smooth() && !tracer.lights_->empty()) {
     direct(bsdf, true, v);
-    if (glm::dot(v.light_direction, p.ng) < 0.f) v.asks = false;  // a light inside is found by the walk
+    if (v.asks && glm::dot(v.light_direction, p.ng) < 0.f) v.asks = false;  // a light inside is found by the walk
   }
   BsdfSample sample;
   v.goes_on = bsdf.sample(v.wo, v.numbers[kLobeAndRoulette].x, v.numbers[kDirection], sample) && !is_black(sample.weight);
@@ -206,7 +198,7 @@ bool PathTracer::Shader::walk_meets(const Hit& hit, const Step& step) {
       const Vec3 back = reflected(p.ns);
       return goes_on(glm::normalize(glm::dot(back, ng) < 0.f ? back : reflected(ng)));
     }
-    leave(at, p, ng);
+    leave(at, p);
     return false;
   }
   // Straight from where it entered.
@@ -234,23 +226,15 @@ bool PathTracer::Shader::walk_meets(const Hit& hit, const Step& step) {
 }
 
 // Out of the medium, after it has scattered the light. p: with its normals outwards.
-void PathTracer::Shader::leave(const SubsurfacePoint& at, const SurfacePoint& p, const Vec3& outwards) {
+void PathTracer::Shader::leave(const SubsurfacePoint& at, const SurfacePoint& p) {
   PathSegment& s = *path;
   s.flags = static_cast<std::uint16_t>(s.flags & ~(kInside | kInsideScattered | kInsideReversed));
   s.passed = 0;
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(0x20000000u + s.vertex);
-  ScatterOf<float> v;
-  v.p = p.p;
-  v.ng = p.ng;
-  v.ns = p.ns;
-  v.offset = ray_offset(p.p, p.p_error, p.ng);
-  v.wo = outwards;
-  v.vertex = s.vertex;
-  for (std::size_t i = 0; i < v.numbers.size(); ++i) v.numbers[i] = numbers[i];
-  v.throughput = s.throughput;
+  ScatterOf<float> v = scatter_at(p, ray_offset(p.p, p.p_error, p.ng), p.ng, s, numbers);
   Bsdf bsdf(Frame(p.ns), p.ng);
   bsdf.add(bsdf::diffuse_exit(at.eta));
-  bsdf.finish(outwards);
+  bsdf.finish(p.ng);
   scatter(bsdf, true, v);
   scattered(ScatterResults(v), 0, 0.f);
 }

@@ -62,6 +62,21 @@ struct ScatterOf {
   F pdf;
 };
 
+// Of the path `s` that arrives at p.
+inline ScatterOf<float> scatter_at(const SurfacePoint& p, const Vec3& offset, const Vec3& wo, const PathSegment& s,
+                                   const SampleSequence::Pairs& numbers) {
+  ScatterOf<float> v;
+  v.p = p.p;
+  v.ng = p.ng;
+  v.ns = p.ns;
+  v.offset = offset;
+  v.wo = wo;
+  v.vertex = s.vertex;
+  for (std::size_t i = 0; i < v.numbers.size(); ++i) v.numbers[i] = numbers[i];
+  v.throughput = s.throughput;
+  return v;
+}
+
 // What was found at eight vertices, or in row 0 at one, on its way from lanes back to single paths: a row a path, in
 // the order in which OcclusionRay and PathSegment keep it.
 struct ScatterResults {
@@ -206,7 +221,7 @@ struct PathTracer::Shader {
   // Takes the path under work on through the medium that it is in, from the step whose ray has been traced.
   void walk(Hit hit);
   bool walk_meets(const Hit& hit, const Step& step);
-  void leave(const SubsurfacePoint& at, const SurfacePoint& p, const Vec3& outwards);
+  void leave(const SubsurfacePoint& at, const SurfacePoint& p);
   // True if the path scatters no more at its vertex.
   bool is_over(const PathSegment& s) const { return (s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices; }
   // What happens where a path scatters, but for what scattered() does; `active` lanes only.

@@ -45,17 +45,15 @@ OwnCertificate::OwnCertificate() : parts_(std::make_unique<Parts>()) {
   X509_NAME* name = X509_get_subject_name(c);
   require(X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_ASC, reinterpret_cast<const unsigned char*>("cloudrenderer"),
                                      -1, -1, 0) == 1);
-  require(X509_set_issuer_name(c, name) == 1 && X509_set_pubkey(c, key()) == 1);
-  require(X509_sign(c, key(), EVP_sha256()) != 0);
+  require(X509_set_issuer_name(c, name) == 1 && X509_set_pubkey(c, parts_->key.get()) == 1);
+  require(X509_sign(c, parts_->key.get(), EVP_sha256()) != 0);
 }
 
 OwnCertificate::~OwnCertificate() = default;
 
-X509* OwnCertificate::certificate() const { return parts_->certificate.get(); }
-EVP_PKEY* OwnCertificate::key() const { return parts_->key.get(); }
-
 void OwnCertificate::use(SSL_CTX* context) const {
-  require(SSL_CTX_use_certificate(context, certificate()) == 1 && SSL_CTX_use_PrivateKey(context, key()) == 1);
+  require(SSL_CTX_use_certificate(context, parts_->certificate.get()) == 1 &&
+          SSL_CTX_use_PrivateKey(context, parts_->key.get()) == 1);
 }
 
 }  // namespace cloudrenderer

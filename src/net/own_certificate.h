@@ -1,9 +1,7 @@
 #pragma once
 #include <memory>
 
-// As OpenSSL names them.
-typedef struct x509_st X509;
-typedef struct evp_pkey_st EVP_PKEY;
+// As OpenSSL names it.
 typedef struct ssl_ctx_st SSL_CTX;
 
 namespace cloudrenderer {
@@ -16,8 +14,6 @@ class OwnCertificate {
   OwnCertificate(const OwnCertificate&) = delete;
   OwnCertificate& operator=(const OwnCertificate&) = delete;
 
-  X509* certificate() const;  // this object's
-  EVP_PKEY* key() const;
   void use(SSL_CTX* context) const;
 
  private:
