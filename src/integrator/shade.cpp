@@ -312,8 +312,10 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const Footprint print = tracer.footprint_ ? footprint(p, hit.t) : Footprint{};
   if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside))
     return enter(material, inside.medium, p, print, hit.t);
-  const Bsdf bsdf = tracer.shading_->bsdf(material, p, wo, print);
+  Bsdf bsdf = tracer.shading_->lobes(material, p, print);
   if (bsdf.empty()) return end();
+  if (eight && eight->take(bsdf, p, offset, s)) return;
+  bsdf.finish(wo);
   const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex);
   ScatterOf<float> v = scatter_at(p, offset, wo, s, numbers);
   scatter(bsdf, true, v);
@@ -330,6 +332,7 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   out.ended.reserve(out.ended.size() + batch.size());
   Shader shader{*this, *set, out, shadows, batch.surfaces};
   EightShader eight(shader, batch);
+  if (!media_) shader.eight = &eight;
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const std::uint32_t part = batch.hits[i].part;
     if (part < kAnsweredPart && !set->has(part)) {

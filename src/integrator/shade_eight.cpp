@@ -1,10 +1,22 @@
 // Vertices eight at once: gathers what the formulas of shade.cpp need into lanes.
+#include <algorithm>
 #include <cstddef>
 
 #include "integrator/shader.h"
+#include "shading/bsdf_lobes.h"
 #include "shapes/triangle.h"
 
 namespace cloudrenderer {
+namespace {
+
+// All of a lobe but its numbers; never 0. Lobes with tables are not for eight.
+std::uint32_t kind_of(const Lobe& l) {
+  return 1u + (static_cast<std::uint32_t>(l.kind) | static_cast<std::uint32_t>(l.distribution) << 8 |
+               static_cast<std::uint32_t>(l.fresnel) << 16 | static_cast<std::uint32_t>(l.transmits) << 24 |
+               static_cast<std::uint32_t>(l.scale_radiance) << 25);
+}
+
+}  // namespace
 
 PathTracer::EightShader::EightShader(Shader& shader, SegmentBatch& batch)
     : shader_(shader), batch_(batch), groups_(4 * shader.tracer.shading_->kinds()) {}
@@ -42,25 +54,106 @@ void PathTracer::EightShader::find_chunk(const Hit& hit) {
 void PathTracer::EightShader::finish() {
   for (std::size_t kind = 0; kind < groups_.size(); ++kind)
     if (groups_[kind].count) shade(kind, groups_[kind]);
+  for (const auto& waiting : waiting_)
+    if (waiting->count) shade(*waiting);
+}
+
+bool PathTracer::EightShader::take(const Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const PathSegment& s) {
+  const int count = bsdf.lobe_count();
+  if (count > Bsdf8::kMaxLobes) return false;
+  LobeKinds kinds{};
+  for (int i = 0; i < count; ++i) {
+    if (!eight_wide(bsdf.lobe(i))) return false;
+    kinds[static_cast<std::size_t>(i)] = kind_of(bsdf.lobe(i));
+  }
+  const auto is_same = [&](const auto& w) { return w->kinds == kinds; };
+  if (last_waiting_ == waiting_.size() || !is_same(waiting_[last_waiting_])) {
+    const auto found = std::find_if(waiting_.begin(), waiting_.end(), is_same);
+    if (found == waiting_.end() && waiting_.size() == kMostWaiting) return false;
+    last_waiting_ = static_cast<std::size_t>(found - waiting_.begin());
+    if (found == waiting_.end()) waiting_.push_back(std::make_unique<Waiting>());
+  }
+  Waiting& w = *waiting_[last_waiting_];
+  const std::size_t lane = w.count++;
+  w.segments[lane] = static_cast<std::size_t>(&s - batch_.segments.data());
+  w.end_flags[lane] = shader_.end_flags;
+  w.at.put(0, lane, p.p);
+  w.at.put(3, lane, p.ng);
+  w.at.put(6, lane, offset);
+  w.at.put(9, lane, bsdf.frame().s);
+  w.at.put(12, lane, bsdf.frame().t);
+  w.at.put(15, lane, bsdf.frame().n);
+  for (int i = 0; i < count; ++i) {
+    LobeOf<Float8>& lobe = w.lobes[static_cast<std::size_t>(i)];
+    // All lanes by the first, so that those stay of use that get no vertex.
+    if (lane == 0) lobe = bsdf::in_all_lanes(bsdf.lobe(i));
+    else bsdf::put(lobe, lane, bsdf.lobe(i));
+  }
+  if (lane == 0) {
+    w.kinds = kinds;
+    w.lobe_count = count;
+  }
+  if (w.count == kLanes) shade(w);
+  return true;
+}
+
+void PathTracer::EightShader::shade(Waiting& w) {
+  for (std::size_t lane = w.count; lane < kLanes; ++lane) {
+    w.segments[lane] = w.segments[0];
+    for (auto& column : w.at.at) column[lane] = column[0];
+  }
+  ScatterOf<Float8> v;
+  v.p = w.at.three(0);
+  v.ng = w.at.three(3);
+  v.offset = w.at.three(6);
+  v.ns = w.at.three(15);
+  bring(w.segments, v);
+  Bsdf8 bsdf(FrameOf<Float8>(w.at.three(9), w.at.three(12), v.ns), v.ng);
+  bsdf.add(std::span<const LobeOf<Float8>>(w.lobes.data(), static_cast<std::size_t>(w.lobe_count)));
+  bsdf.finish(v.wo);
+  shader_.scatter(bsdf, lanes::from_mask_bits((1u << w.count) - 1u), v);
+  const ScatterResults results(v);
+  for (std::size_t lane = 0; lane < w.count; ++lane) {
+    const std::size_t i = w.segments[lane];
+    shader_.resume(batch_.segments[i], w.end_flags[lane]);
+    shader_.scattered(results, lane, batch_.hits[i].t);
+  }
+  w.count = 0;
+}
+
+void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segments, ScatterOf<Float8>& v) const {
+  const PathTracer& tracer = shader_.tracer;
+  std::array<const float*, kLanes> ways;
+  SampleSequence::Eight sequences;
+  std::array<std::uint32_t, kLanes> vertices;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const PathSegment& s = batch_.segments[segments[lane]];
+    ways[lane] = &s.direction.x;
+    sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample);
+    vertices[lane] = s.vertex;
+    v.vertex[lane] = s.vertex;
+  }
+  // A segment's direction and throughput lie side by side.
+  static_assert(offsetof(PathSegment, throughput) == offsetof(PathSegment, direction) + sizeof(Vec3));
+  const auto way = lanes::gather<8>(ways);
+  v.wo = {-way[0], -way[1], -way[2]};
+  v.throughput = {way[3], way[4], way[5]};
+  v.numbers = SampleSequence::get_pairs(sequences, vertices, tracer.first_pair_);
 }
 
 void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   const PathTracer& tracer = shader_.tracer;
-  const JobSettings& job = tracer.job_;
   const bool normals = kind & 2u, uvs = kind & 1u;
   // Places of what is to be gathered. What is missing to eight is filled up with the first.
   using Places = std::array<const float*, kLanes>;
   std::array<Places, 3> positions, corner_normals, corner_uvs;
-  Places barycentric, ways;
-  SampleSequence::Eight sequences;
-  std::array<std::uint32_t, kLanes> vertices;
+  Places barycentric;
+  std::array<std::size_t, kLanes> segments;
   std::array<std::uint32_t, kLanes> materials;
-  Ints8 scattered_at;
   std::uint32_t flips = 0;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const std::size_t from = lane < group.count ? lane : 0, i = group.segments[from];
     const MeshChunk& chunk = *group.chunks[from];
-    const PathSegment& s = batch_.segments[i];
     const Hit& hit = batch_.hits[i];
     const Part& part = *group.parts[from];
     const Triangle corners = part.triangles[hit.index];
@@ -72,10 +165,7 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
       if (uvs) corner_uvs[c][lane] = &part.uvs[chunk.first_uv + own].x;
     }
     barycentric[lane] = &hit.u;
-    ways[lane] = &s.direction.x;
-    sequences[lane] = SampleSequence(job.sequence, job.seed, s.pixel, s.sample);
-    vertices[lane] = s.vertex;
-    scattered_at[lane] = s.vertex;
+    segments[lane] = i;
     materials[lane] = chunk.material;
     flips |= static_cast<std::uint32_t>(chunk.flip != 0) << lane;
   }
@@ -97,19 +187,13 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
     if (uvs) triangle.uv[c] = two(corner_uvs[c]);
   }
   const Vec2x8 b = two(barycentric);
-  // A segment's direction and throughput lie side by side.
-  static_assert(offsetof(PathSegment, throughput) == offsetof(PathSegment, direction) + sizeof(Vec3));
-  const auto way = lanes::gather<8>(ways);
   const auto point = triangle_basics<Float8>(triangle, lanes::from_mask_bits(flips), tracer.dialect_, b.x, b.y);
   ScatterOf<Float8> v;
   v.p = point.p;
   v.ng = point.ng;
   v.ns = point.ns;
   v.offset = ray_offset(point.p, point.p_error, point.ng);
-  v.wo = {-way[0], -way[1], -way[2]};
-  v.throughput = {way[3], way[4], way[5]};
-  v.vertex = scattered_at;
-  v.numbers = SampleSequence::get_pairs(sequences, vertices, tracer.first_pair_);
+  bring(segments, v);
   const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
 

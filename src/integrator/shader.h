@@ -131,6 +131,7 @@ struct PathTracer::Shader {
   ShadeOutput& out;
   Shadows& shadows;
   const std::vector<AnsweredSurface>& answered;  // of the batch
+  EightShader* eight = nullptr;  // takes vertices that can wait for others
 
   // The path under work, in its batch.
   PathSegment* path = nullptr;
@@ -146,6 +147,12 @@ struct PathTracer::Shader {
     interface = {};
     first_shadow = shadows.lights.size();
     if (segment.flags & kCameraRay) ++out.counts.camera;
+  }
+  // Goes on with a path that has waited at its vertex.
+  void resume(PathSegment& segment, std::uint16_t flags) {
+    path = &segment;
+    end_flags = flags;
+    first_shadow = shadows.lights.size();
   }
   bool to_fixed(Rgb c, Fixed3& fixed) {
     const float limit = tracer.job_.film.max_sample_luminance;
@@ -243,17 +250,32 @@ struct PathTracer::Shader {
   void scattered(const ScatterResults& r, std::size_t lane, float t);
 };
 
-// Vertices that wait until there are eight of a kind: triangles that shine not, with or without normals and uvs, of
-// materials of one kind (Shading::kind). What a vertex gives does not depend on the others: a lane has the bits of
-// the scalar formulas.
+// Vertices that wait until there are eight of a kind. Either triangles that shine not, with or without normals and uvs, of
+// materials of one kind (Shading::kind): all is done eight at once. Or any surface whose lobes were found one by one, with
+// lobes of the same kinds: light samples and the choice of the next ray are then made eight at once. What a vertex gives does
+// not depend on the others: a lane has the bits of the scalar formulas.
 class PathTracer::EightShader {
  public:
   EightShader(Shader& shader, SegmentBatch& batch);
   // False if the vertex of segment i is to be shaded by itself.
   bool take(std::size_t i);
+  // The vertex at p of a path of the batch that is under work. False: it cannot wait.
+  bool take(const Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const PathSegment& s);
   void finish();  // shades what still waits
 
  private:
+  // Of lobes: all but the numbers, a word a lobe.
+  using LobeKinds = std::array<std::uint32_t, Bsdf8::kMaxLobes>;
+  struct Waiting {
+    LobeKinds kinds{};
+    int lobe_count = 0;
+    std::size_t count = 0;
+    std::array<std::size_t, kLanes> segments;
+    std::array<std::uint16_t, kLanes> end_flags;
+    Columns<18> at;  // p, ng, offset, frame
+    std::array<LobeOf<Float8>, Bsdf8::kMaxLobes> lobes;
+  };
+  static constexpr std::size_t kMostWaiting = 64;  // kinds; scenes with more shade the rest one by one
   struct Group {
     std::size_t count = 0;
     std::array<std::size_t, kLanes> segments;
@@ -262,6 +284,9 @@ class PathTracer::EightShader {
   };
   void find_chunk(const Hit& hit);
   void shade(std::size_t kind, Group& group);
+  void shade(Waiting& waiting);
+  // Fills in what paths bring to a vertex.
+  void bring(const std::array<std::size_t, kLanes>& segments, ScatterOf<Float8>& v) const;
 
   Shader& shader_;
   SegmentBatch& batch_;
@@ -271,6 +296,8 @@ class PathTracer::EightShader {
   const MeshChunk* chunk_ = nullptr;
   std::size_t group_ = 0;  // 0: by itself
   std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs
+  std::vector<std::unique_ptr<Waiting>> waiting_;
+  std::size_t last_waiting_ = 0;
 };
 
 }  // namespace cloudrenderer

@@ -10,16 +10,23 @@
 namespace cloudrenderer {
 namespace {
 
-bool is_thin(const Lobe& l) { return l.kind == LobeKind::specular_dielectric && l.transmits; }
+template <class F>
+bool is_thin(const LobeOf<F>& l) {
+  return l.kind == LobeKind::specular_dielectric && l.transmits;
+}
 
 // Light that goes to and fro between two sides which each reflect f: 2 f / (1 + f) comes back.
-float thin_reflectance(const Lobe& l, float c) {
-  const float f = bsdf::fresnel_dielectric(c, l.eta.x);
+template <class F>
+F thin_reflectance(const LobeOf<F>& l, F c) {
+  const F f = bsdf::fresnel_dielectric<F>(c, l.eta.x);
   return 2.f * f / (1.f + f);
 }
 
 // What a coat lets through, the same on both sides of the surface.
-float coat_transmittance(const Lobe& l, float c) { return 1.f - bsdf::fresnel_dielectric(c, l.eta.x); }
+template <class F>
+F coat_transmittance(const LobeOf<F>& l, F c) {
+  return 1.f - bsdf::fresnel_dielectric<F>(c, l.eta.x);
+}
 
 using namespace bsdf;  // NOLINT: the formulas of this file
 
@@ -78,12 +85,16 @@ Vec3Of<F> oren_nayar_value(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec3Of
 }
 
 // The chance of reflecting at a dielectric (micro)facet with Fresnel factor f.
-inline float reflect_chance(const Lobe& l, float f) {
-  const float r = luminance(l.scale) * f, t = luminance(l.scale2) * (1.f - f);
-  return r + t > 0.f ? r / (r + t) : 0.f;
+template <class F>
+F reflect_chance(const LobeOf<F>& l, F f) {
+  const F r = lanes::luminance(l.scale) * f, t = lanes::luminance(l.scale2) * (1.f - f);
+  return lanes::select(r + t > 0.f, r / (r + t), F(0.f));
 }
 
-inline float incident_eta(const Lobe& l, const Vec3& wo) { return wo.z > 0.f ? l.eta.x : l.eta.y; }
+template <class F>
+F incident_eta(const LobeOf<F>& l, const Vec3Of<F>& wo) {
+  return lanes::select(wo.z > 0.f, l.eta.x, l.eta.y);
+}
 
 Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf) {
   pdf = 0.f;
@@ -156,12 +167,21 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
     }
     case LobeKind::disney_diffuse:
       return luminance(l.scale) + 0.1f * luminance(l.scale2);
+    case LobeKind::coated_lambert:
+      return luminance(l.scale) * coat_transmittance(l, c);
+    case LobeKind::specular_reflection:
+      return luminance<F>(l.scale * fresnel(l, c, outside));
+    case LobeKind::microfacet_dielectric:
+    case LobeKind::specular_dielectric:
+    case LobeKind::specular_transmission: {
+      const F f = is_thin(l) ? thin_reflectance(l, c) : fresnel_dielectric<F>(c, lanes::select(outside, l.eta.x, l.eta.y));
+      return l.kind == LobeKind::specular_transmission ? luminance(l.scale) * (1.f - f)
+                                                       : luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
+    }
     default:
       break;
   }
   if constexpr (std::is_same_v<F, float>) {
-    const float f = is_thin(l) ? thin_reflectance(l, c)
-                               : fresnel_dielectric(c, outside ? l.eta.x : l.eta.y);
     switch (l.kind) {
       case LobeKind::measured:
       case LobeKind::fourier:
@@ -170,15 +190,6 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
         return luminance(l.scale);
       case LobeKind::disney_clearcoat:
         return luminance(l.scale) * clearcoat_albedo(c);
-      case LobeKind::coated_lambert:
-        return luminance(l.scale) * coat_transmittance(l, c);
-      case LobeKind::microfacet_dielectric:
-      case LobeKind::specular_dielectric:
-        return luminance(l.scale) * f + luminance(l.scale2) * (1.f - f);
-      case LobeKind::specular_reflection:
-        return luminance<F>(l.scale * fresnel(l, c, outside));
-      case LobeKind::specular_transmission:
-        return luminance(l.scale) * (1.f - f);
       default:
         break;
     }
@@ -221,38 +232,57 @@ MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const
   return diffuse || valid;
 }
 
-bool sample_specular(const Lobe& l, float chance, const Vec3& wo, float u, const Frame& frame, BsdfSample& out) {
-  const float c = std::fabs(wo.z), side = wo.z > 0.f ? 1.f : -1.f;
-  out.specular = true;
-  out.pdf = 0.f;
-  out.eta = 1.f;
-  bool reflects = l.kind == LobeKind::specular_reflection;
-  Rgb weight;
-  if (reflects) {
-    weight = l.scale * fresnel(l, c, wo.z > 0.f);
+// As BsdfOf::sample() for a specular lobe that has been chosen with `chance`; `u` is a spare uniform number.
+template <class F>
+MaskOf<F> sample_specular(const LobeOf<F>& l, F chance, const Vec3Of<F>& wo, F u, const FrameOf<F>& frame,
+                          BsdfSampleOf<F>& out) {
+  using lanes::select;
+  const F c = lanes::abs(wo.z), eta = incident_eta(l, wo);
+  const MaskOf<F> outside = wo.z > 0.f;
+  MaskOf<F> reflects{l.kind == LobeKind::specular_reflection};
+  Vec3Of<F> weight;
+  if (l.kind == LobeKind::specular_reflection) {
+    weight = l.scale * fresnel(l, c, outside);
   } else {
-    const float f = is_thin(l) ? thin_reflectance(l, c) : fresnel_dielectric(c, incident_eta(l, wo));
+    const F f = is_thin(l) ? thin_reflectance(l, c) : fresnel_dielectric(c, eta);
     if (l.kind == LobeKind::specular_dielectric) {
-      const float reflecting = reflect_chance(l, f);
+      const F reflecting = reflect_chance(l, f);
       reflects = u < reflecting;
-      weight = reflects ? l.scale * (f / reflecting) : l.scale2 * ((1.f - f) / (1.f - reflecting));
+      weight = select(reflects, l.scale * (f / reflecting), l.scale2 * ((1.f - f) / (1.f - reflecting)));
     } else {
       weight = l.scale * (1.f - f);
     }
   }
-  Vec3 wi(-wo.x, -wo.y, wo.z);
-  if (!reflects && is_thin(l)) {
-    wi = -wo;
-  } else if (!reflects) {
-    const float eta = incident_eta(l, wo);
-    if (!refract(wo, Vec3(0, 0, side), eta, wi)) return false;
-    if (l.scale_radiance) weight *= 1.f / (eta * eta);
-    out.eta = eta;
+  Vec3Of<F> wi(-wo.x, -wo.y, wo.z);
+  MaskOf<F> valid(true);
+  out.eta = 1.f;
+  if (is_thin(l)) {
+    wi = select(reflects, wi, -wo);
+  } else if (lanes::any(!reflects)) {
+    Vec3Of<F> bent;
+    const Vec3Of<F> normal(F(0.f), F(0.f), select(outside, F(1.f), F(-1.f)));
+    valid = refract(wo, normal, eta, bent) || reflects;
+    wi = select(reflects, wi, bent);
+    if (l.scale_radiance) weight = select(reflects, weight, weight * (1.f / (eta * eta)));
+    out.eta = select(reflects, F(1.f), eta);
   }
+  out.specular = MaskOf<F>(true);
+  out.pdf = 0.f;
   out.transmission = !reflects;
   out.weight = weight * (1.f / chance);
-  out.wi = glm::normalize(frame.to_world(wi));
-  return !is_black(out.weight);
+  out.wi = lanes::normalize(frame.to_world(wi));
+  return valid && wo.z != 0.f && !lanes::is_black(out.weight);
+}
+
+template <class F>
+BsdfSampleOf<F> select(MaskOf<F> m, const BsdfSampleOf<F>& a, const BsdfSampleOf<F>& b) {
+  using lanes::select;
+  return {select(m, a.wi, b.wi),
+          select(m, a.weight, b.weight),
+          select(m, a.pdf, b.pdf),
+          select(m, a.specular, b.specular),
+          select(m, a.transmission, b.transmission),
+          select(m, a.eta, b.eta)};
 }
 
 // A lobe with rough refraction, reflected or refracted; f without the cosine.
@@ -294,9 +324,10 @@ template <class F>
 }  // namespace
 
 bool eight_wide(const Lobe& l) {
+  if (l.kind >= LobeKind::specular_reflection) return true;
   return !l.transmits && (l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar ||
                           l.kind == LobeKind::microfacet || l.kind == LobeKind::fresnel_blend ||
-                          l.kind == LobeKind::disney_diffuse);
+                          l.kind == LobeKind::disney_diffuse || l.kind == LobeKind::coated_lambert);
 }
 
 template <class F>
@@ -352,9 +383,8 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
         add(counts, disney_diffuse_value(l, wo, wi, half), sampled, chance.weight * ci * kInvPi);
         break;
       case LobeKind::coated_lambert:
-        if constexpr (std::is_same_v<F, float>)
-          add(counts, l.scale * (coat_transmittance(l, co) * coat_transmittance(l, ci) * kInvPi), sampled,
-              chance.weight * ci * kInvPi);
+        add(counts, l.scale * (coat_transmittance(l, co) * coat_transmittance(l, ci) * kInvPi), sampled,
+            chance.weight * ci * kInvPi);
         break;
       case LobeKind::measured:
       case LobeKind::fourier:
@@ -442,22 +472,39 @@ MaskOf<F> BsdfOf<F>::sample(const Vector& wo_world, F u_lobe, const Vec2Of<F>& u
     u_lobe = lanes::select(open, u_lobe - weight(i), u_lobe);
   }
   const F rest = lanes::min(u_lobe / chance, 0x1.fffffep-1f);
-  Mask found(false);
+  Mask found(false), mirrors(false), mirrored(false);
+  BsdfSampleOf<F> specular;  // of the lanes that have chosen a specular lobe
   Vector wi(F(0.f));
   for (int i = 0; i < count_; ++i) {
     const auto k = static_cast<std::size_t>(i);
     if (!lanes::any(chosen[k])) continue;
     const LobeOf<F>& l = lobes_[k];
-    if constexpr (std::is_same_v<F, float>) {
-      if (l.kind >= LobeKind::specular_reflection)
-        return wo.z != 0.f && sample_specular(l, chance, wo, rest, frame_, out);
-      if (l.kind == LobeKind::microfacet_dielectric) out.eta = incident_eta(l, wo);
+    if (l.kind >= LobeKind::specular_reflection) {
+      BsdfSampleOf<F> own;
+      const Mask valid = sample_specular(l, chance, wo, rest, frame_, own);
+      if (!lanes::any(!chosen[k])) {
+        out = own;
+        return valid;
+      }
+      specular = lanes::any(mirrors) ? select(chosen[k], own, specular) : own;
+      mirrors = mirrors || chosen[k];
+      mirrored = mirrored || (chosen[k] && valid);
+      continue;
     }
+    if (l.kind == LobeKind::microfacet_dielectric) out.eta = incident_eta(l, wo);
     Vector direction(F(0.f));
     const Mask valid = sample_lobe(l, chance_[k].mix, wo, rest, u, direction);
     wi = lanes::select(chosen[k], direction, wi);
     found = found || (chosen[k] && valid);
   }
+  found = complete(wo_world, wo, wi, found, out);
+  if (lanes::any(mirrors)) out = select(mirrors, specular, out);
+  return found || mirrored;
+}
+
+template <class F>
+MaskOf<F> BsdfOf<F>::complete(const Vector& wo_world, const Vector& wo, const Vector& wi, Mask found,
+                              BsdfSampleOf<F>& out) const {
   out.wi = frame_.to_world(wi);
   const Mask reflect = glm::dot(out.wi, ng_) * glm::dot(wo_world, ng_) > 0.f;
   out.specular = Mask(false);

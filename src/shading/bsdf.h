@@ -159,6 +159,8 @@ class BsdfOf {
       chance_[i] = b.chance_[i];
     }
   }
+  // What sample() says of the directions wi (local) that smooth lobes have given where `found`.
+  Mask complete(const Vector& wo_world, const Vector& wo, const Vector& wi, Mask found, BsdfSampleOf<F>& out) const;
   // Sum of the smooth lobes without the cosine, and their density, for local directions.
   Vector evaluate(const Vector& wo, const Vector& wi, Mask reflect, F& pdf) const;
 

@@ -205,12 +205,12 @@ Vec3Of<F> sample_blinn_normal(const LobeOf<F>& l, const Vec2Of<F>& u) {
 
 // The refracted direction of wo about wh (same side); eta is the index beyond over the one on wo's
 // side. False on total internal reflection.
-inline bool refract(const Vec3& wo, const Vec3& wh, float eta, Vec3& wi) {
-  const float c = glm::dot(wo, wh), inverse = 1.f / eta;
-  const float g2 = (eta - 1.f) * (eta + 1.f) + c * c;  // eta^2 cos^2 of the refracted ray, as in fresnel_dielectric()
-  if (!(g2 > 0.f)) return false;
-  wi = inverse * ((c - std::sqrt(g2)) * wh - wo);
-  return true;
+template <class F>
+MaskOf<F> refract(const Vec3Of<F>& wo, const Vec3Of<F>& wh, F eta, Vec3Of<F>& wi) {
+  const F c = glm::dot(wo, wh), inverse = 1.f / eta;
+  const F g2 = (eta - 1.f) * (eta + 1.f) + c * c;  // eta^2 cos^2 of the refracted ray, as in fresnel_dielectric()
+  wi = inverse * ((c - lanes::sqrt(lanes::max(0.f, g2))) * wh - wo);
+  return g2 > 0.f;
 }
 
 }  // namespace cloudrenderer::bsdf

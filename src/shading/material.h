@@ -51,11 +51,15 @@ class Shading {
   // True for v3's null material (pass through) at this material index.
   virtual bool is_null(std::uint32_t material) const = 0;
 
-  // The scattering at a point. Applies the bump map (changes point.ns and the tangents) and sets up
-  // the lobes. `wo` is the unit direction back along the ray. material may be kNone (0xffffffff):
-  // black.
-  virtual Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo,
-                    const Footprint& footprint) const = 0;
+  // The lobes at a point, for which Bsdf::finish() is still to be called. Applies the bump map (changes point.ns and the
+  // tangents). material may be kNone (0xffffffff): black.
+  virtual Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const = 0;
+  // The scattering at a point; `wo` is the unit direction back along the ray.
+  Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const {
+    Bsdf b = lobes(material, point, footprint);
+    b.finish(wo);
+    return b;
+  }
 
   // What is inside of this material at a point. False: nothing.
   virtual bool subsurface(std::uint32_t material, const SurfacePoint& point, const Footprint& footprint,

@@ -79,13 +79,12 @@ class SceneShading final : public Shading {
     return material < records_.size() && !records_[material].material;
   }
 
-  Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo,
-            const Footprint& footprint) const override {
+  using Shading::bsdf;
+  Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const override {
     const MaterialRecord* r = material < records_.size() ? &records_[material] : nullptr;
-    if (r && (r->textured || r->has_bump)) return textured(*r, point, wo, footprint);
+    if (r && (r->textured || r->has_bump)) return textured(*r, point, footprint);
     Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
     if (r) b.add(std::span<const Lobe>(r->lobes));
-    b.finish(wo);
     return b;
   }
 
@@ -126,8 +125,7 @@ class SceneShading final : public Shading {
   }
 
  private:
-  Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Vec3& wo,
-                const Footprint& footprint) const {
+  Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Footprint& footprint) const {
     const TexturePoint at(point, footprint);
     if (r.has_bump) bump(r.bump, at, bump_step_, point);
     Bsdf b(r.tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
@@ -137,7 +135,6 @@ class SceneShading final : public Shading {
     } else {
       b.add(std::span<const Lobe>(r.lobes));
     }
-    b.finish(wo);
     return b;
   }
 
