@@ -192,12 +192,18 @@ void for_each(Mask8 m, Fn f) {
 // One lane.
 inline float get(float x, std::size_t) { return x; }
 inline Vec3 get(const Vec3& x, std::size_t) { return x; }
+inline Vec2 get(const Vec2& x, std::size_t) { return x; }
 inline void put(float& x, std::size_t, float a) { x = a; }
+inline void put(Vec2& x, std::size_t, const Vec2& a) { x = a; }
 inline void put(Vec3& x, std::size_t, const Vec3& a) { x = a; }
 inline float get(Float8 x, std::size_t i) { return x.v[i]; }
 inline Vec2 get(const Vec2x8& x, std::size_t i) { return {x.x.v[i], x.y.v[i]}; }
 inline Vec3 get(const Vec3x8& x, std::size_t i) { return {x.x.v[i], x.y.v[i], x.z.v[i]}; }
 inline void put(Float8& x, std::size_t i, float a) { x.v[i] = a; }
+inline void put(Vec2x8& x, std::size_t i, const Vec2& a) {
+  x.x.v[i] = a.x;
+  x.y.v[i] = a.y;
+}
 inline void put(Vec3x8& x, std::size_t i, const Vec3& a) {
   x.x.v[i] = a.x;
   x.y.v[i] = a.y;

@@ -1,5 +1,7 @@
 #include "base/sampling.h"
 
+#include <array>
+
 namespace cloudrenderer {
 
 Distribution1D::Distribution1D(std::span<const float> values) : cdf_(values.size() + 1) {
@@ -23,13 +25,20 @@ Distribution1D::Distribution1D(std::span<const float> values) : cdf_(values.size
   quanta[n] = kQuanta;
   for (std::size_t i = n; i-- > 1;) quanta[i] = std::min(quanta[i], quanta[i + 1] - (value(i) > 0.f));
   for (std::size_t i = 0; i <= n; ++i) cdf_[i] = static_cast<float>(quanta[i]) * (1.f / kQuanta);
+  guide_.resize(n);
+  std::uint32_t piece = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const float u = static_cast<float>(i) / static_cast<float>(n);
+    while (piece + 1 < n && cdf_[piece + 1] <= u) ++piece;
+    guide_[i] = piece;
+  }
 }
 
 float Distribution1D::sample(float u, float& pdf, std::size_t& cell) const {
-  // The last entry that is <= u and starts a piece of non-zero width.
-  const auto it = std::upper_bound(cdf_.begin(), cdf_.end(), u);
-  cell = static_cast<std::size_t>(std::max<std::ptrdiff_t>(it - cdf_.begin() - 1, 0));
-  cell = std::min(cell, size() - 1);
+  // The last entry that is <= u, and so starts a piece of non-zero width.
+  cell = guide_[guess(u)];
+  while (cell > 0 && cdf_[cell] > u) --cell;  // where the guess was rounded up
+  while (cell + 1 < size() && cdf_[cell + 1] <= u) ++cell;
   const float width = cdf_[cell + 1] - cdf_[cell];
   const float d = width > 0.f ? std::min((u - cdf_[cell] + 0.5f / kQuanta) / width, 0.99999994f) : 0.5f;
   const float n = static_cast<float>(size());
@@ -60,6 +69,30 @@ Vec2 Distribution2D::sample(const Vec2& u, float& pdf) const {
   const float x = rows_[row].sample(u.x, pdf_u, column);
   pdf = pdf_u * pdf_v;
   return {x, v};
+}
+
+Vec2x8 Distribution2D::sample(Mask8 active, const Vec2x8& u, Float8& pdf) const {
+  std::array<std::size_t, kLanes> rows;
+  Vec2x8 at;
+  lanes::for_each(active, [&](std::size_t i) {
+    float density;
+    lanes::put(at.y, i, marginal_.sample(lanes::get(u.y, i), density, rows[i]));
+    lanes::put(pdf, i, density);
+    rows_[rows[i]].prefetch(lanes::get(u.x, i));
+  });
+  lanes::for_each(active, [&](std::size_t i) {
+    float density;
+    std::size_t column;
+    lanes::put(at.x, i, rows_[rows[i]].sample(lanes::get(u.x, i), density, column));
+    lanes::put(pdf, i, density * lanes::get(pdf, i));
+  });
+  return at;
+}
+
+std::uint64_t Distribution2D::bytes() const {
+  std::uint64_t n = marginal_.bytes() + rows_.size() * sizeof(Distribution1D);
+  for (const Distribution1D& row : rows_) n += row.bytes();
+  return n;
 }
 
 float Distribution2D::pdf(const Vec2& p) const {

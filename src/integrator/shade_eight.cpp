@@ -24,7 +24,8 @@ PathTracer::EightShader::EightShader(Shader& shader, SegmentBatch& batch)
 bool PathTracer::EightShader::take(std::size_t i) {
   const Hit& hit = batch_.hits[i];
   const PathTracer& tracer = shader_.tracer;
-  if (hit.part == kNone || hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion)
+  if (hit.part == kNone) return take_escape(i);
+  if (hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion)
     return false;
   if (part_number_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) find_chunk(hit);
   if (group_ == 0) return false;
@@ -56,6 +57,49 @@ void PathTracer::EightShader::finish() {
     if (groups_[kind].count) shade(kind, groups_[kind]);
   for (const auto& waiting : waiting_)
     if (waiting->count) shade(*waiting);
+  for (const bool weighted : {false, true})
+    if (escapes_[weighted].count) shade(escapes_[weighted], weighted);
+}
+
+bool PathTracer::EightShader::take_escape(std::size_t i) {
+  const PathTracer& tracer = shader_.tracer;
+  if (!tracer.lights_->has_infinite() || tracer.job_.integrator == IntegratorKind::ambient_occlusion) return false;
+  const PathSegment& s = batch_.segments[i];
+  const bool direct = s.flags & kSpecularBounce;
+  if (direct && s.vertex > tracer.job_.emission_vertex) return false;
+  Escapes& e = escapes_[!direct];
+  e.segments[e.count++] = i;
+  if (e.count == kLanes) shade(e, !direct);
+  return true;
+}
+
+void PathTracer::EightShader::shade(Escapes& e, bool weighted) {
+  const Lights& lights = *shader_.tracer.lights_;
+  Columns<13> at;  // direction, throughput, and of where the path has scattered: point, normal, density
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const PathSegment& s = batch_.segments[e.segments[lane < e.count ? lane : 0]];
+    at.put(0, lane, s.direction);
+    at.put(3, lane, s.throughput);
+    if (!weighted) continue;
+    at.put(6, lane, s.scattered_at());
+    at.put(9, lane, s.previous_normal);
+    at.at[12][lane] = s.previous_pdf;
+  }
+  const Mask8 active = lanes::from_mask_bits((1u << e.count) - 1u);
+  Vec3x8 light = at.three(3);
+  if (weighted) {
+    Float8 pdf;
+    const Vec3x8 radiance = lights.escaped(active, at.three(6), at.three(9), at.three(0), pdf);
+    light = light * radiance * power_weight(at.one(12), pdf);
+  } else {
+    light *= lights.escaped(active, at.three(0));
+  }
+  for (std::size_t lane = 0; lane < e.count; ++lane) {
+    shader_.begin(batch_.segments[e.segments[lane]]);
+    shader_.add(lanes::get(light, lane));
+    shader_.end();
+  }
+  e.count = 0;
 }
 
 bool PathTracer::EightShader::take(const Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const PathSegment& s) {

@@ -275,6 +275,11 @@ class PathTracer::EightShader {
     Columns<18> at;  // p, ng, offset, frame
     std::array<LobeOf<Float8>, Bsdf8::kMaxLobes> lobes;
   };
+  // Paths that have left the scene, where light comes from: of light samples' other half, and seen directly.
+  struct Escapes {
+    std::size_t count = 0;
+    std::array<std::size_t, kLanes> segments;
+  };
   static constexpr std::size_t kMostWaiting = 64;  // kinds; scenes with more shade the rest one by one
   struct Group {
     std::size_t count = 0;
@@ -285,6 +290,8 @@ class PathTracer::EightShader {
   void find_chunk(const Hit& hit);
   void shade(std::size_t kind, Group& group);
   void shade(Waiting& waiting);
+  bool take_escape(std::size_t i);
+  void shade(Escapes& escapes, bool weighted);
   // Fills in what paths bring to a vertex.
   void bring(const std::array<std::size_t, kLanes>& segments, ScatterOf<Float8>& v) const;
 
@@ -298,6 +305,7 @@ class PathTracer::EightShader {
   std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs
   std::vector<std::unique_ptr<Waiting>> waiting_;
   std::size_t last_waiting_ = 0;
+  std::array<Escapes, 2> escapes_;  // seen directly; weighted
 };
 
 }  // namespace cloudrenderer

@@ -16,6 +16,11 @@ constexpr double kPiDouble = 3.14159265358979323846;
 
 float luminance_of(const Rgb& c) { return std::max(0.f, luminance(c)); }
 
+template <class F>
+Vec3Of<F> times(const glm::mat3& m, const Vec3Of<F>& v) {
+  return Vec3Of<F>(m[0]) * v.x + Vec3Of<F>(m[1]) * v.y + Vec3Of<F>(m[2]) * v.z;
+}
+
 }  // namespace
 
 InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool read) {
@@ -85,7 +90,6 @@ void InfiniteLight::prepare_equal_area() {
   std::vector<float> cells(sums.begin(), sums.end());
   mean_ = Rgb(total / static_cast<double>(w * h));
   distribution_ = Distribution2D(cells, columns, rows);
-  cells_ = cells.size();
 }
 
 // The table's cells hold the map as it is looked up: a texel spreads over its neighbours by
@@ -134,89 +138,101 @@ void InfiniteLight::prepare_sampling() {
   }
   mean_ = Rgb(total / total_weight);
   distribution_ = Distribution2D(cells, columns, rows);
-  cells_ = cells.size();
 }
 
-InfiniteLight::MapPoint InfiniteLight::map_point(const Vec3& direction) const {
-  const Vec3 local = to_light_ * direction;
-  const float inverse = 1.f / glm::length(local);
-  MapPoint m;
+template <class F>
+InfiniteLight::MapPoint<F> InfiniteLight::map_point(MaskOf<F> active, const Vec3Of<F>& direction) const {
+  const Vec3Of<F> local = times<F>(to_light_, direction);
+  const F inverse = 1.f / lanes::sqrt(glm::dot(local, local));
+  MapPoint<F> m;
   m.stretch = inverse * inverse * inverse * inverse_volume_;
   if (equal_area_) {
-    m.uv = equal_area_sphere_to_square(local * inverse);
+    lanes::for_each(active, [&](std::size_t i) {
+      lanes::put(m.uv, i, equal_area_sphere_to_square(lanes::get(local, i) * lanes::get(inverse, i)));
+    });
     m.sine = 1.f;
     return m;
   }
-  m.sine = std::sqrt(local.x * local.x + local.y * local.y);
-  float phi = portable::atan2(local.y, local.x);
-  if (phi < 0.f) phi += 2 * kPi;
-  m.uv = {phi * (1.f / (2 * kPi)), portable::atan2(m.sine, local.z) * kInvPi};
+  m.sine = lanes::sqrt(local.x * local.x + local.y * local.y);
+  const F phi = portable::atan2_near(local.y, local.x);
+  m.uv = {lanes::select(phi < 0.f, phi + 2 * kPi, phi) * (1.f / (2 * kPi)), portable::atan2_near(m.sine, local.z) * kInvPi};
+  m.uv = {lanes::min(m.uv.x, 1.f), lanes::min(m.uv.y, 1.f)};
   m.sine *= inverse;
   return m;
 }
 
-Rgb InfiniteLight::lookup(const Vec2& uv) const {
-  return equal_area_ ? nearest(uv) : bilinear(texels_, width_, height_, uv);
+template <class F>
+Vec3Of<F> InfiniteLight::lookup(MaskOf<F> active, const Vec2Of<F>& uv) const {
+  Vec3Of<F> radiance(F(0.f));
+  lanes::for_each(active, [&](std::size_t i) {
+    const Vec2 at = lanes::get(uv, i);
+    lanes::put(radiance, i, equal_area_ ? nearest(at) : bilinear(texels_, width_, height_, at));
+  });
+  return radiance;
 }
 
-float InfiniteLight::map_pdf(const MapPoint& m) const {
-  if (equal_area_) return distribution_.pdf(m.uv) * m.stretch * (0.25f * kInvPi);
-  if (!(m.sine > 1e-7f)) return 0.f;
-  return distribution_.pdf(m.uv) * m.stretch / (2 * kPi * kPi * m.sine);
+template <class F>
+F InfiniteLight::map_pdf(MaskOf<F> active, const MapPoint<F>& m) const {
+  F density(0.f);
+  lanes::for_each(active, [&](std::size_t i) { lanes::put(density, i, distribution_.pdf(lanes::get(m.uv, i))); });
+  if (equal_area_) return density * m.stretch * (0.25f * kInvPi);
+  return lanes::select(m.sine > 1e-7f, density * m.stretch / (2 * kPi * kPi * m.sine), F(0.f));
 }
 
-Rgb InfiniteLight::radiance(const Vec3& direction) const {
-  return has_map() ? lookup(map_point(direction).uv) : constant_;
+template <class F>
+Vec3Of<F> InfiniteLight::radiance(MaskOf<F> active, const Vec3Of<F>& direction) const {
+  return has_map() ? lookup<F>(active, map_point<F>(active, direction).uv) : Vec3Of<F>(constant_);
 }
 
-bool InfiniteLight::sample(const Vec3& n, const Vec2& u, Vec3& direction, float& pdf,
-                           Rgb& radiance) const {
+template <class F>
+MaskOf<F> InfiniteLight::sample(MaskOf<F> active, const Vec3Of<F>& n, const Vec2Of<F>& u, Vec3Of<F>& direction, F& pdf,
+                                Vec3Of<F>& radiance) const {
   if (!has_map()) {
-    radiance = constant_;
-    if (n == Vec3(0.f)) {
-      direction = sample_uniform_sphere(u);
-      pdf = 1.f / (4 * kPi);
-      return true;
-    }
-    const Vec3 local = sample_cosine_hemisphere(u);
-    direction = Frame(n).to_world(local);
-    pdf = local.z * kInvPi;
-    return pdf > 0.f;
+    radiance = Vec3Of<F>(constant_);
+    const MaskOf<F> all_around = lanes::is_black(n);
+    const Vec2Of<F> disk = sample_disk(u);
+    const F z = lanes::sqrt(lanes::max(0.f, 1.f - disk.x * disk.x - disk.y * disk.y));
+    direction = lanes::select(all_around, sample_uniform_sphere<F>(u), FrameOf<F>(n).to_world({disk.x, disk.y, z}));
+    pdf = lanes::select(all_around, F(1.f / (4 * kPi)), z * kInvPi);
+    return active && pdf > 0.f;
   }
-  const Vec2 uv = distribution_.sample(u, pdf);
+  const Vec2Of<F> uv = distribution_.sample(active, u, pdf);
+  radiance = lookup<F>(active, uv);
+  Vec3Of<F> local(F(0.f));
+  F sine(1.f);
   if (equal_area_) {
-    const Vec3 world = to_world_ * equal_area_square_to_sphere(uv);
-    const float length = glm::length(world);
-    direction = world / length;
-    radiance = lookup(uv);
-    pdf *= length * length * length * inverse_volume_ * (0.25f * kInvPi);
-    return pdf > 0.f && pdf < kInfinity;
+    lanes::for_each(active, [&](std::size_t i) { lanes::put(local, i, equal_area_square_to_sphere(lanes::get(uv, i))); });
+    pdf *= 0.25f * kInvPi;
+  } else {
+    F z, x, y;
+    portable::sincos_turn<F>(0.5f * uv.y, sine, z);
+    portable::sincos_turn<F>(uv.x, y, x);
+    local = {sine * x, sine * y, z};
+    pdf /= 2 * kPi * kPi * sine;
   }
-  float sin_theta, cos_theta, sin_phi, cos_phi;
-  portable::sincos(uv.y * kPi, sin_theta, cos_theta);
-  portable::sincos(uv.x * 2 * kPi, sin_phi, cos_phi);
-  const Vec3 world = to_world_ * Vec3(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta);
-  const float length = glm::length(world);
-  direction = world / length;
-  if (!(sin_theta > 1e-7f)) return false;
-  radiance = lookup(uv);
-  pdf *= length * length * length * inverse_volume_ / (2 * kPi * kPi * sin_theta);
-  return pdf > 0.f && pdf < kInfinity;
+  const Vec3Of<F> world = times<F>(to_world_, local);
+  const F length = lanes::sqrt(glm::dot(world, world));
+  direction = world * (1.f / length);
+  pdf *= length * length * length * inverse_volume_;
+  return active && sine > 1e-7f && pdf > 0.f && pdf < kInfinity;
 }
 
-float InfiniteLight::pdf(const Vec3& n, const Vec3& direction) const {
-  if (has_map()) return map_pdf(map_point(direction));
-  return n == Vec3(0.f) ? 1.f / (4 * kPi) : std::max(0.f, glm::dot(n, direction)) * kInvPi;
-}
-
-Rgb InfiniteLight::radiance_and_pdf(const Vec3& n, const Vec3& direction, float& pdf_out) const {
+template <class F>
+Vec3Of<F> InfiniteLight::radiance_and_pdf(MaskOf<F> active, const Vec3Of<F>& n, const Vec3Of<F>& direction, F& pdf) const {
   if (!has_map()) {
-    pdf_out = pdf(n, direction);
-    return constant_;
+    pdf = lanes::select(lanes::is_black(n), F(1.f / (4 * kPi)), lanes::max(0.f, glm::dot(n, direction)) * kInvPi);
+    return Vec3Of<F>(constant_);
   }
-  const MapPoint m = map_point(direction);
-  pdf_out = map_pdf(m);
-  return lookup(m.uv);
+  const MapPoint<F> m = map_point<F>(active, direction);
+  pdf = map_pdf<F>(active, m);
+  return lookup<F>(active, m.uv);
 }
+
+template Vec3 InfiniteLight::radiance<float>(bool, const Vec3&) const;
+template Vec3x8 InfiniteLight::radiance<Float8>(Mask8, const Vec3x8&) const;
+template bool InfiniteLight::sample<float>(bool, const Vec3&, const Vec2&, Vec3&, float&, Vec3&) const;
+template Mask8 InfiniteLight::sample<Float8>(Mask8, const Vec3x8&, const Vec2x8&, Vec3x8&, Float8&, Vec3x8&) const;
+template Vec3 InfiniteLight::radiance_and_pdf<float>(bool, const Vec3&, const Vec3&, float&) const;
+template Vec3x8 InfiniteLight::radiance_and_pdf<Float8>(Mask8, const Vec3x8&, const Vec3x8&, Float8&) const;
 
 }  // namespace cloudrenderer

@@ -1,6 +1,7 @@
 #pragma once
 #include <vector>
 
+#include "base/lanes.h"
 #include "base/log.h"
 #include "base/sampling.h"
 #include "scene/description.h"
@@ -18,29 +19,37 @@ class InfiniteLight {
   InfiniteLight(const LightDesc& desc, Warnings& warnings, bool read = true);
 
   const Rgb& mean() const { return mean_; }  // over the sphere
-  Rgb radiance(const Vec3& direction) const;
+  // What follows is for one direction or eight, of which the `active` ones are looked at.
+  template <class F>
+  Vec3Of<F> radiance(MaskOf<F> active, const Vec3Of<F>& direction) const;
   // n: normal at the point, or zero. Constant lights are sampled by the cosine to n, maps by their
   // luminance.
-  bool sample(const Vec3& n, const Vec2& u, Vec3& direction, float& pdf, Rgb& radiance) const;
-  float pdf(const Vec3& n, const Vec3& direction) const;
-  // Both of a direction in one pass.
-  Rgb radiance_and_pdf(const Vec3& n, const Vec3& direction, float& pdf) const;
-  std::uint64_t bytes() const { return texels_.size() * sizeof(Rgb) + sizeof(float) * cells_; }
+  template <class F>
+  MaskOf<F> sample(MaskOf<F> active, const Vec3Of<F>& n, const Vec2Of<F>& u, Vec3Of<F>& direction, F& pdf,
+                   Vec3Of<F>& radiance) const;
+  // Radiance and what sample() has for the direction.
+  template <class F>
+  Vec3Of<F> radiance_and_pdf(MaskOf<F> active, const Vec3Of<F>& n, const Vec3Of<F>& direction, F& pdf) const;
+  std::uint64_t bytes() const { return texels_.size() * sizeof(Rgb) + distribution_.bytes(); }
 
  private:
+  template <class F>
   struct MapPoint {
-    Vec2 uv;
-    float sine;     // of the polar angle
-    float stretch;  // solid angle in light space over that in the world
+    Vec2Of<F> uv;
+    F sine;     // of the polar angle
+    F stretch;  // solid angle in light space over that in the world
   };
   bool has_map() const { return !texels_.empty(); }
   void prepare_sampling();
   void prepare_equal_area();
   Rgb nearest(const Vec2& uv) const;
   double illuminance() const;  // of an upward patch, as pbrt-v4 sums it up
-  MapPoint map_point(const Vec3& direction) const;
-  Rgb lookup(const Vec2& uv) const;
-  float map_pdf(const MapPoint& m) const;
+  template <class F>
+  MapPoint<F> map_point(MaskOf<F> active, const Vec3Of<F>& direction) const;
+  template <class F>
+  Vec3Of<F> lookup(MaskOf<F> active, const Vec2Of<F>& uv) const;
+  template <class F>
+  F map_pdf(MaskOf<F> active, const MapPoint<F>& m) const;
 
   glm::mat3 to_world_{1.f}, to_light_{1.f};
   float inverse_volume_ = 1;  // 1 / |det to_world_|
@@ -49,7 +58,6 @@ class InfiniteLight {
   int width_ = 0, height_ = 0;
   std::vector<Rgb> texels_;
   Distribution2D distribution_;
-  std::uint64_t cells_ = 0;
 };
 
 }  // namespace cloudrenderer

@@ -22,17 +22,13 @@ struct LightMap {
 LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
                         const FileLocation& where, const char* instead, Warnings& warnings);
 
-// Bilinear and repeating, as pbrt's level 0; the first row is at v = 0.
+// Bilinear and repeating, as pbrt's level 0; the first row is at v = 0. uv in [0, 1].
 inline Rgb bilinear(std::span<const Rgb> texels, int width, int height, const Vec2& uv) {
-  const auto wrap = [](int i, int size) {
-    i %= size;
-    return i < 0 ? i + size : i;
-  };
   const float s = uv.x * static_cast<float>(width) - 0.5f,
               t = uv.y * static_cast<float>(height) - 0.5f;
   const float s0 = std::floor(s), t0 = std::floor(t), ds = s - s0, dt = t - t0;
-  const int x0 = wrap(static_cast<int>(s0), width), x1 = x0 + 1 == width ? 0 : x0 + 1;
-  const int y0 = wrap(static_cast<int>(t0), height), y1 = y0 + 1 == height ? 0 : y0 + 1;
+  const int left = static_cast<int>(s0), x0 = left < 0 ? width - 1 : left, x1 = x0 + 1 == width ? 0 : x0 + 1;
+  const int top = static_cast<int>(t0), y0 = top < 0 ? height - 1 : top, y1 = y0 + 1 == height ? 0 : y0 + 1;
   const auto texel = [&](int x, int y) {
     return texels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
                   static_cast<std::size_t>(x)];

@@ -61,7 +61,7 @@ class SceneLights final : public Lights {
     float chance;
     const std::int64_t chosen = choice_.sample(p, n, u_light, chance);
     if (chosen < 0) return false;
-    return sample_chosen<float>(static_cast<std::size_t>(chosen), chance, p, n, u, out);
+    return sample_chosen<float>(true, static_cast<std::size_t>(chosen), chance, p, n, u, out);
   }
 
   Mask8 sample(Mask8 active, const Vec3x8& p, const Vec3x8& n, Float8 u_light, const Vec2x8& u,
@@ -98,21 +98,13 @@ class SceneLights final : public Lights {
   }
 
   Rgb escaped(const Vec3& p, const Vec3& n, const Vec3& direction, float& pdf) const override {
-    Rgb sum(0.f);
-    pdf = 0;
-    for (std::size_t i = 0; i < infinite_.size(); ++i) {
-      float density;
-      sum += infinite_[i].radiance_and_pdf(n, direction, density);
-      if (density > 0.f) pdf += density * choice_.chance(infinite_emitters_[i], p, n);
-    }
-    return sum;
+    return all_infinite<float>(true, p, n, direction, pdf);
   }
-
-  Rgb escaped(const Vec3& direction) const override {
-    Rgb sum(0.f);
-    for (const InfiniteLight& light : infinite_) sum += light.radiance(direction);
-    return sum;
+  Vec3x8 escaped(Mask8 active, const Vec3x8& p, const Vec3x8& n, const Vec3x8& direction, Float8& pdf) const override {
+    return all_infinite<Float8>(active, p, n, direction, pdf);
   }
+  Rgb escaped(const Vec3& direction) const override { return all_infinite<float>(true, direction); }
+  Vec3x8 escaped(Mask8 active, const Vec3x8& direction) const override { return all_infinite<Float8>(active, direction); }
 
   Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2&,
               const Vec3& direction) const override {
@@ -166,25 +158,48 @@ class SceneLights final : public Lights {
     return q.kind == QuadricKind::disk && q.inside_out;
   }
 
+  template <class F>
+  Vec3Of<F> all_infinite(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec3Of<F>& direction, F& pdf) const {
+    Vec3Of<F> sum(F(0.f));
+    pdf = 0.f;
+    for (std::size_t i = 0; i < infinite_.size(); ++i) {
+      F density;
+      sum += infinite_[i].radiance_and_pdf<F>(active, n, direction, density);
+      const MaskOf<F> possible = active && density > 0.f;
+      if (!choice_.single())
+        lanes::for_each(possible, [&](std::size_t lane) {
+          const float chance = choice_.chance(infinite_emitters_[i], lanes::get(p, lane), lanes::get(n, lane));
+          lanes::put(density, lane, lanes::get(density, lane) * chance);
+        });
+      pdf = lanes::select(possible, pdf + density, pdf);
+    }
+    return sum;
+  }
+  template <class F>
+  Vec3Of<F> all_infinite(MaskOf<F> active, const Vec3Of<F>& direction) const {
+    Vec3Of<F> sum(F(0.f));
+    for (const InfiniteLight& light : infinite_) sum += light.radiance<F>(active, direction);
+    return sum;
+  }
+
   // An emitter that has been chosen with `chance`.
   template <class F>
-  MaskOf<F> sample_chosen(std::size_t number, F chance, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u,
+  MaskOf<F> sample_chosen(MaskOf<F> active, std::size_t number, F chance, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u,
                           LightSampleOf<F>& out) const {
     const Emitter& e = emitters_[number];
-    const MaskOf<F> found = sample_emitter<F>(e, p, n, u, out);
+    const MaskOf<F> found = sample_emitter<F>(active, e, p, n, u, out);
     if (!lanes::any(found)) return found;
     const F own_pdf = out.pdf;
     out.pdf *= chance;
-    if constexpr (std::is_same_v<F, float>) {
-      // Every infinite light could have given this direction, and all of them shine from there.
-      if (e.kind == EmitterKind::infinite && infinite_.size() > 1) out.radiance = escaped(p, n, out.wi, out.pdf);
-    }
+    // Every infinite light could have given this direction, and all of them shine from there.
+    if (e.kind == EmitterKind::infinite && infinite_.size() > 1)
+      out.radiance = all_infinite<F>(found, p, n, out.wi, out.pdf);
     out.weight_pdf = is_v2_disk(e) ? own_pdf : out.pdf;
     return found && out.pdf > 0.f && out.pdf < kInfinity;
   }
 
   template <class F>
-  MaskOf<F> sample_emitter(const Emitter& e, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u,
+  MaskOf<F> sample_emitter(MaskOf<F> active, const Emitter& e, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u,
                            LightSampleOf<F>& out) const {
     switch (e.kind) {
       case EmitterKind::sphere:
@@ -196,6 +211,10 @@ class SceneLights final : public Lights {
         return sample_point<F>(e, p, out);
       case EmitterKind::distant:
         return sample_distant<F>(e, out);
+      case EmitterKind::infinite:
+        out.distance = kInfinity;
+        out.delta = MaskOf<F>(false);
+        return infinite_[e.index].sample<F>(active, n, u, out.wi, out.pdf, out.radiance);
       default:
         break;
     }
@@ -209,10 +228,6 @@ class SceneLights final : public Lights {
           return sample_spot(e, spots_[e.index], p, out);
         case EmitterKind::mapped:
           return sample_mapped(e, maps_[e.index], p, out);
-        case EmitterKind::infinite:
-          out.distance = kInfinity;
-          out.delta = false;
-          return infinite_[e.index].sample(n, u, out.wi, out.pdf, out.radiance);
         default:
           break;
       }
@@ -229,14 +244,15 @@ class SceneLights final : public Lights {
       case EmitterKind::parallelogram:
       case EmitterKind::point:
       case EmitterKind::distant:
-        return sample_chosen<Float8>(number, chance, p, n, u, out);
+      case EmitterKind::infinite:
+        return sample_chosen<Float8>(asking, number, chance, p, n, u, out);
       default:
         break;
     }
     std::uint32_t found = 0;
     lanes::for_each(asking, [&](std::size_t i) {
       LightSample one;
-      if (!sample_chosen<float>(number, lanes::get(chance, i), lanes::get(p, i), lanes::get(n, i),
+      if (!sample_chosen<float>(true, number, lanes::get(chance, i), lanes::get(p, i), lanes::get(n, i),
                                 {lanes::get(u.x, i), lanes::get(u.y, i)}, one))
         return;
       found |= 1u << i;

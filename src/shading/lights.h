@@ -65,6 +65,9 @@ class Lights {
   virtual Rgb escaped(const Vec3& p, const Vec3& n, const Vec3& direction, float& pdf) const = 0;
   // The same where no density is needed: camera rays and specular bounces.
   virtual Rgb escaped(const Vec3& direction) const = 0;
+  // Both for eight: the same bits in each `active` lane.
+  virtual Vec3x8 escaped(Mask8 active, const Vec3x8& p, const Vec3x8& n, const Vec3x8& direction, Float8& pdf) const = 0;
+  virtual Vec3x8 escaped(Mask8 active, const Vec3x8& direction) const = 0;
 
   // Radiance that the emissive shape `light` (running number) emits at a hit towards -direction;
   // ng: the surface's geometric normal as in SurfacePoint. pdf: what sample(p, n) has for this
