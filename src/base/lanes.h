@@ -229,6 +229,13 @@ inline void transpose(std::array<Float8, 8>& rows) {
   }
 }
 
+// Four numbers of one thing.
+using Color4 = float __attribute__((vector_size(16)));
+// Four 16 bit floats from any address.
+inline Color4 load_halves(const void* from) {
+  return _mm_cvtph_ps(_mm_loadl_epi64(static_cast<const __m128i*>(from)));
+}
+
 // N numbers each from eight places; out[n] holds number n of all. Reads nothing behind them.
 template <std::size_t N>
 std::array<Float8, N> gather(const std::array<const float*, kLanes>& from) {

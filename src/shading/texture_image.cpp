@@ -1,9 +1,8 @@
 #include "shading/texture_image.h"
 
-#include <Imath/half.h>
-
 #include <cstring>
 
+#include "base/lanes.h"
 #include "base/portable_math.h"
 
 namespace cloudrenderer {
@@ -18,6 +17,11 @@ std::array<float, kWeights> make_weights() {
     w[i] = portable::exp(-2.f * static_cast<float>(i) / (kWeights - 1)) - edge;
   return w;
 }
+
+// Red, green, blue and whatever follows.
+using lanes::Color4;
+Color4 all(float x) { return Color4{x, x, x, x}; }
+Rgb rgb(Color4 c) { return {c[0], c[1], c[2]}; }
 
 // Inside, or false for black. Positions are small integers: callers have bounded them.
 bool wrap_index(int& i, int n, WrapMode wrap) {
@@ -55,36 +59,33 @@ float ImageEncoding::decode(float x) const {
   return gamma == 1.f ? v : portable::pow(std::max(v, 0.f), gamma);
 }
 
-Rgb ImagePyramid::fetch(const Level& level, std::size_t index) const {
-  const std::size_t i = index * static_cast<std::size_t>(channels_);
-  const std::byte* base = texels_ + level.offset;
-  const auto value = [&](std::size_t k) {
-    switch (level.format) {
-      case Format::byte:
-        return decode_[std::to_integer<std::size_t>(base[k])];
-      case Format::half: {
-        std::uint16_t bits;
-        std::memcpy(&bits, base + 2 * k, sizeof bits);
-        Imath::half h;
-        h.setBits(bits);
-        return static_cast<float>(h);
-      }
-      case Format::real:
-        break;
+template <class Fn>
+auto ImagePyramid::with_texels(const Level& level, Fn f) const {
+  const std::byte* const base = texels_ + level.offset;
+  const bool grey = channels_ == 1;
+  switch (level.format) {
+    case Format::byte: {
+      const auto value = [this, base](std::size_t k) { return decode_[std::to_integer<std::size_t>(base[k])]; };
+      if (grey) return f([value](std::size_t i) { return all(value(i)); });
+      return f([value](std::size_t i) { return Color4{value(3 * i), value(3 * i + 1), value(3 * i + 2), 0}; });
     }
-    float v;
-    std::memcpy(&v, base + 4 * k, sizeof v);
-    return v;
+    case Format::half:
+      if (grey) return f([base](std::size_t i) { return all(lanes::load_halves(base + 2 * i)[0]); });
+      return f([base](std::size_t i) { return lanes::load_halves(base + 6 * i); });
+    case Format::real:
+      break;
+  }
+  const auto load = [](const std::byte* from) {
+    Color4 c;
+    std::memcpy(&c, from, sizeof c);
+    return c;
   };
-  if (channels_ == 1) return Rgb(value(i));
-  return {value(i), value(i + 1), value(i + 2)};
+  if (grey) return f([base, load](std::size_t i) { return all(load(base + 4 * i)[0]); });
+  return f([base, load](std::size_t i) { return load(base + 12 * i); });
 }
 
-Rgb ImagePyramid::texel(int level, int x, int y, WrapMode wrap) const {
-  const Level& l = levels_[static_cast<std::size_t>(level)];
-  if (!wrap_index(x, l.width, wrap) || !wrap_index(y, l.height, wrap)) return Rgb(0.f);
-  return fetch(l, static_cast<std::size_t>(y) * static_cast<std::size_t>(l.width) +
-                      static_cast<std::size_t>(x));
+Rgb ImagePyramid::top() const {
+  return with_texels(levels_.back(), [](auto texel) { return rgb(texel(0)); });
 }
 
 Rgb ImagePyramid::bilinear(int level, const Vec2& st, WrapMode wrap) const {
@@ -92,9 +93,16 @@ Rgb ImagePyramid::bilinear(int level, const Vec2& st, WrapMode wrap) const {
   const float s = st.x * static_cast<float>(l.width) - 0.5f,
               t = st.y * static_cast<float>(l.height) - 0.5f;
   const float fs = std::floor(s), ft = std::floor(t), ds = s - fs, dt = t - ft;
-  const int x = static_cast<int>(fs), y = static_cast<int>(ft);
-  return (1.f - dt) * ((1.f - ds) * texel(level, x, y, wrap) + ds * texel(level, x + 1, y, wrap)) +
-         dt * ((1.f - ds) * texel(level, x, y + 1, wrap) + ds * texel(level, x + 1, y + 1, wrap));
+  int x0 = static_cast<int>(fs), y0 = static_cast<int>(ft), x1 = x0 + 1, y1 = y0 + 1;
+  const bool in_x0 = wrap_index(x0, l.width, wrap), in_x1 = wrap_index(x1, l.width, wrap);
+  const bool in_y0 = wrap_index(y0, l.height, wrap), in_y1 = wrap_index(y1, l.height, wrap);
+  return with_texels(l, [&](auto texel) {
+    const auto at = [&](bool inside, int x, int y) {
+      return inside ? texel(static_cast<std::size_t>(y) * static_cast<std::size_t>(l.width) + static_cast<std::size_t>(x)) : Color4{};
+    };
+    return rgb((1.f - dt) * ((1.f - ds) * at(in_x0 && in_y0, x0, y0) + ds * at(in_x1 && in_y0, x1, y0)) +
+               dt * ((1.f - ds) * at(in_x0 && in_y1, x0, y1) + ds * at(in_x1 && in_y1, x1, y1)));
+  });
 }
 
 Rgb ImagePyramid::trilinear(const Vec2& st, float width, WrapMode wrap) const {
@@ -102,14 +110,14 @@ Rgb ImagePyramid::trilinear(const Vec2& st, float width, WrapMode wrap) const {
   const float size = static_cast<float>(std::max(levels_[0].width, levels_[0].height));
   const float lod = portable::log2(std::max(width * size, 1e-8f));
   if (!(lod > 0.f)) return bilinear(0, st, wrap);
-  if (lod >= static_cast<float>(last)) return texel(last, 0, 0, wrap);
+  if (lod >= static_cast<float>(last)) return top();
   const int low = static_cast<int>(lod);
   const float f = lod - static_cast<float>(low);
   return (1.f - f) * bilinear(low, st, wrap) + f * bilinear(low + 1, st, wrap);
 }
 
 Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) const {
-  if (level >= level_count()) return texel(level_count() - 1, 0, 0, wrap);
+  if (level >= level_count()) return top();
   static const std::array<float, kWeights> kWeight = make_weights();
   const Level& l = levels_[static_cast<std::size_t>(level)];
   const Vec2 size(static_cast<float>(l.width), static_cast<float>(l.height));
@@ -131,19 +139,27 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
             s1 = static_cast<int>(std::floor(middle.x + half_s));
   const int t0 = static_cast<int>(std::ceil(middle.y - half_t)),
             t1 = static_cast<int>(std::floor(middle.y + half_t));
-  Rgb sum(0.f);
+  Color4 sum{};
   float weights = 0.f;
-  for (int t = t0; t <= t1; ++t) {
-    const float y = static_cast<float>(t) - middle.y;
-    for (int s = s0; s <= s1; ++s) {
-      const float x = static_cast<float>(s) - middle.x, r2 = a * x * x + b * x * y + c * y * y;
-      if (!(r2 < 1.f)) continue;
-      const float w = kWeight[static_cast<std::size_t>(r2 * kWeights)];
-      sum += w * texel(level, s, t, wrap);
-      weights += w;
+  const bool wraps = s0 < 0 || s1 >= l.width;
+  with_texels(l, [&](auto texel) {
+    for (int t = t0; t <= t1; ++t) {
+      const float y = static_cast<float>(t) - middle.y;
+      int row = t;
+      const bool black = !wrap_index(row, l.height, wrap);
+      const std::size_t first = static_cast<std::size_t>(row) * static_cast<std::size_t>(l.width);
+      for (int k = s0; k <= s1; ++k) {
+        const float x = static_cast<float>(k) - middle.x, r2 = a * x * x + b * x * y + c * y * y;
+        if (!(r2 < 1.f)) continue;
+        const float w = kWeight[static_cast<std::size_t>(r2 * kWeights)];
+        weights += w;
+        int column = k;
+        if (black || (wraps && !wrap_index(column, l.width, wrap))) continue;
+        sum += w * texel(first + static_cast<std::size_t>(column));
+      }
     }
-  }
-  return weights > 0.f ? sum / weights : bilinear(level, st, wrap);
+  });
+  return weights > 0.f ? rgb(sum) / weights : bilinear(level, st, wrap);
 }
 
 Rgb ImagePyramid::lookup(const Vec2& st_in, const Vec2& dst0, const Vec2& dst1,
@@ -171,8 +187,7 @@ Rgb ImagePyramid::lookup(const Vec2& st_in, const Vec2& dst0, const Vec2& dst1,
   if (shortest == 0.f) return bilinear(0, st, filter.wrap);
   const float size = static_cast<float>(std::max(levels_[0].width, levels_[0].height));
   const float lod = std::max(0.f, portable::log2(std::max(shortest * size, 1e-8f)));
-  if (lod >= static_cast<float>(level_count() - 1))
-    return texel(level_count() - 1, 0, 0, filter.wrap);
+  if (lod >= static_cast<float>(level_count() - 1)) return top();
   const int low = static_cast<int>(lod);
   const float f = lod - static_cast<float>(low);
   if (f == 0.f) return ellipse(low, st, major, minor, filter.wrap);

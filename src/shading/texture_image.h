@@ -54,14 +54,17 @@ class ImagePyramid {
   // two derivatives: elliptically weighted (Heckbert 1989), or trilinear. Zero derivatives:
   // bilinear on the finest level.
   Rgb lookup(const Vec2& st, const Vec2& dst0, const Vec2& dst1, const ImageFilter& filter) const;
-  Rgb texel(int level, int x, int y, WrapMode wrap) const;
 
  private:
   friend class ImageStore;
+  static constexpr std::size_t kPadding = 16;  // bytes behind the last texel, which four values at once may read
   Rgb bilinear(int level, const Vec2& st, WrapMode wrap) const;
   Rgb trilinear(const Vec2& st, float width, WrapMode wrap) const;
   Rgb ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) const;
-  Rgb fetch(const Level& level, std::size_t index) const;
+  Rgb top() const;  // the only texel of the last level
+  // Calls f with a function that has the texel of an index of the level, as Color4.
+  template <class Fn>
+  auto with_texels(const Level& level, Fn f) const;
 
   std::vector<Level> levels_;
   int channels_ = 3;

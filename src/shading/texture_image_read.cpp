@@ -196,6 +196,7 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
     pyramid->levels_.push_back({w, h, format, texels.size()});
     append(texels, level, half);
   }
+  texels.resize(texels.size() + ImagePyramid::kPadding);
   if (resident_ + texels.size() <= budget_) {
     texels.shrink_to_fit();
     resident_ += texels.size();
