@@ -1,7 +1,6 @@
 #include "shading/light_choice.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace cloudrenderer {
@@ -13,56 +12,66 @@ constexpr float kBelowHorizon = 0.05f;
 // Keeps sums finite next to a point light.
 constexpr float kLargest = 1e30f;
 
-float sine(float cosine) { return std::sqrt(std::max(0.f, 1.f - cosine * cosine)); }
+template <class F>
+F sine(F cosine) {
+  return lanes::sqrt(lanes::max(0.f, 1.f - cosine * cosine));
+}
 
 // cos(max(0, a - b)) from the cosines and sines of two angles in [0, pi].
-float cos_difference(float cos_a, float sin_a, float cos_b, float sin_b) {
-  return cos_a > cos_b ? 1.f : cos_a * cos_b + sin_a * sin_b;
+template <class F>
+F cos_difference(F cos_a, F sin_a, F cos_b, F sin_b) {
+  return lanes::select(cos_a > cos_b, F(1.f), cos_a * cos_b + sin_a * sin_b);
+}
+
+template <class F>
+F clamp(F x, float low, float high) {
+  return lanes::min(lanes::max(x, low), high);
 }
 
 }  // namespace
 
-float importance(const EmitterBounds& b, const Vec3& p, const Vec3& n) {
-  const bool side = n != Vec3(0.f);
+template <class F>
+F importance(const EmitterBounds& b, const Vec3Of<F>& p, const Vec3Of<F>& n) {
+  using lanes::select, lanes::min, lanes::max;
+  const MaskOf<F> side = !lanes::is_black(n);
   if (b.shape == EmitterShape::everywhere) return b.strength;
   if (b.shape == EmitterShape::distant)
-    return side ? b.strength * std::max(glm::dot(n, b.axis), kBelowHorizon) : b.strength;
+    return select(side, b.strength * max(glm::dot(n, Vec3Of<F>(b.axis)), kBelowHorizon), F(b.strength));
 
-  const Vec3 w = b.center - p;
-  const float d2 = glm::dot(w, w), r2 = b.radius * b.radius;
-  const float inverse = 1.f / std::sqrt(std::max(d2, 1e-30f));
+  const Vec3Of<F> w = Vec3Of<F>(b.center) - p;
+  const F d2 = glm::dot(w, w);
+  const float r2 = b.radius * b.radius;
+  const F inverse = 1.f / lanes::sqrt(max(d2, 1e-30f));
   // The sine of the angle that the bounding sphere may add, as an upper bound: cos(a - b) <= cos a
   // + sin b.
-  const float slack = d2 > r2 ? b.radius * inverse : 1.f;
+  const F slack = select(d2 > r2, b.radius * inverse, F(1.f));
   // From inside its sphere a single emitter gives at most what it gives at the rim. Of a cluster
   // some are near.
   const float nearest2 = b.shape == EmitterShape::cone ? 0.25f * r2 : r2;
-  float value = b.strength;
-  if (side) value *= std::clamp(glm::dot(n, w) * inverse + slack, kBelowHorizon, 1.f);
+  F value = select(side, b.strength * clamp<F>(glm::dot(n, w) * inverse + slack, kBelowHorizon, 1.f), F(b.strength));
   if (b.shape != EmitterShape::omni) {
-    const float c = -glm::dot(b.axis, w) * inverse;
+    const F c = -glm::dot(Vec3Of<F>(b.axis), w) * inverse;
     switch (b.shape) {
       case EmitterShape::planar:
-        if (!(c > 0.f)) return 0.f;
-        value *= std::min(1.f, c + slack);
+        value = select(c > 0.f, value * min(1.f, c + slack), F(0.f));
         break;
       case EmitterShape::planar_two_sided:
-        value *= std::min(1.f, std::fabs(c) + slack);
+        value *= min(1.f, lanes::abs(c) + slack);
         break;
       default: {
-        if (slack >= 1.f || b.cos_spread <= -1.f) break;
-        const float clamped = std::clamp(c, -1.f, 1.f);
-        const float off_spread =
-            cos_difference(clamped, sine(clamped), b.cos_spread, sine(b.cos_spread));
-        const float off =
-            cos_difference(off_spread, sine(off_spread), std::sqrt(1.f - slack * slack), slack);
-        if (off + 1e-5f < b.cos_emission) return 0.f;
-        value *= std::clamp(off, 0.01f, 1.f);
+        if (b.cos_spread <= -1.f) break;
+        const F clamped = clamp<F>(c, -1.f, 1.f);
+        const F off_spread = cos_difference<F>(clamped, sine(clamped), b.cos_spread, sine(b.cos_spread));
+        const F off = cos_difference<F>(off_spread, sine(off_spread), lanes::sqrt(max(0.f, 1.f - slack * slack)), slack);
+        const F cone = select(off + 1e-5f < b.cos_emission, F(0.f), value * clamp<F>(off, 0.01f, 1.f));
+        value = select(slack >= 1.f, value, cone);
       }
     }
   }
-  return std::min(value / std::max(std::max(d2, nearest2), 1e-30f), kLargest);
+  return min(value / max(max(d2, nearest2), 1e-30f), kLargest);
 }
+template float importance<float>(const EmitterBounds&, const Vec3&, const Vec3&);
+template Float8 importance<Float8>(const EmitterBounds&, const Vec3x8&, const Vec3x8&);
 
 LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
     : single_(emitters.size() == 1), places_(emitters.size()) {
@@ -108,32 +117,48 @@ LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
   }
 }
 
-std::int64_t LightChoice::sample_many(const Vec3& p, const Vec3& n, float u, float& chance) const {
-  std::array<float, kListed> weights;
-  float total = 0;
-  for (std::size_t i = 0; i < items_.size(); ++i)
-    total += weights[i] = importance(items_[i].bounds, p, n);
-  if (!(total > 0.f)) return -1;
-  float rest = u * total;
-  std::size_t chosen = items_.size();
+template <class F, std::size_t N>
+void LightChoice::sample_many(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& n, F u,
+                              std::array<std::int64_t, N>& emitters, F& chance) const {
+  using lanes::select;
+  std::array<F, kListed> weights;
+  F total = 0.f;
+  for (std::size_t i = 0; i < items_.size(); ++i) total += weights[i] = importance<F>(items_[i].bounds, p, n);
+  // The item in whose share of the total the number lies; the last one with a share if rounding leads beyond it.
+  F rest = u * total, item = -1.f, weight = 1.f;
+  MaskOf<F> open = active && total > 0.f;
   for (std::size_t i = 0; i < items_.size(); ++i) {
-    if (!(weights[i] > 0.f)) continue;
-    chosen = i;
-    if (rest < weights[i]) break;
-    rest -= weights[i];
+    const MaskOf<F> possible = open && weights[i] > 0.f, here = possible && rest < weights[i];
+    item = select(possible, F(static_cast<float>(i)), item);
+    weight = select(possible, weights[i], weight);
+    rest = select(possible && !here, rest - weights[i], rest);
+    open = open && !here;
   }
-  const Item& item = items_[chosen];
-  chance = weights[chosen] / total;
-  if (item.kind == ItemKind::emitter) return item.emitter;
+  chance = weight / total;
+  const F inner = clamp<F>(rest / weight, 0.f, 0.99999994f);
+  emitters.fill(-1);
+  lanes::for_each(active && item >= 0.f, [&](std::size_t lane) {
+    const Item& chosen = items_[static_cast<std::size_t>(lanes::get(item, lane))];
+    emitters[lane] = chosen.emitter;
+    if (chosen.kind == ItemKind::emitter) return;
+    float c = lanes::get(chance, lane);
+    emitters[lane] = sample_inside(chosen, lanes::get(p, lane), lanes::get(n, lane), lanes::get(inner, lane), c);
+    lanes::put(chance, lane, c);
+  });
+}
+template void LightChoice::sample_many<float, 1>(bool, const Vec3&, const Vec3&, float, std::array<std::int64_t, 1>&,
+                                                 float&) const;
+template void LightChoice::sample_many<Float8, kLanes>(Mask8, const Vec3x8&, const Vec3x8&, Float8,
+                                                       std::array<std::int64_t, kLanes>&, Float8&) const;
 
-  const float inner = std::clamp(rest / weights[chosen], 0.f, 0.99999994f);
+std::int64_t LightChoice::sample_inside(const Item& item, const Vec3& p, const Vec3& n, float rest, float& chance) const {
   if (item.kind == ItemKind::tree) {
-    const std::int64_t found = tree_.sample(p, n, inner, chance);
+    const std::int64_t found = tree_.sample(p, n, rest, chance);
     return found < 0 ? found : std::int64_t{tree_emitters_[static_cast<std::size_t>(found)]};
   }
   float density;
   std::size_t cell;
-  group_.sample(inner, density, cell);
+  group_.sample(rest, density, cell);
   chance *= group_.cell_probability(cell);
   return group_emitters_[cell];
 }

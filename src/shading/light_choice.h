@@ -1,9 +1,11 @@
 #pragma once
 // Which light to sample at a point. Private to the lights.
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "base/lanes.h"
 #include "base/sampling.h"
 #include "cloudrenderer/math.h"
 
@@ -33,7 +35,9 @@ struct EmitterBounds {
 
 // n: see Lights::sample. Zero only if nothing arrives; below the horizon of n a small value is
 // left.
-float importance(const EmitterBounds& b, const Vec3& p, const Vec3& n);
+template <class F>
+F importance(const EmitterBounds& b, const Vec3Of<F>& p, const Vec3Of<F>& n);
+inline float importance(const EmitterBounds& b, const Vec3& p, const Vec3& n) { return importance<float>(b, p, n); }
 
 // A binary tree over emitters with a place, followed from the root by the children's importance
 // (Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting",
@@ -79,7 +83,14 @@ class LightChoice {
       chance = 1;
       return 0;
     }
-    return sample_many(p, n, u, chance);
+    std::array<std::int64_t, 1> emitter;
+    sample_many<float>(true, p, n, u, emitter, chance);
+    return emitter[0];
+  }
+  // The same for the `active` ones of eight.
+  void sample(Mask8 active, const Vec3x8& p, const Vec3x8& n, Float8 u, std::array<std::int64_t, kLanes>& emitters,
+              Float8& chance) const {
+    sample_many<Float8>(active, p, n, u, emitters, chance);
   }
   float chance(std::uint32_t emitter, const Vec3& p, const Vec3& n) const {
     return single_ ? 1.f : chance_many(emitter, p, n);
@@ -96,7 +107,11 @@ class LightChoice {
   struct Place {
     std::uint32_t item = 0, inside = 0;  // number of the item, and inside of the tree or group
   };
-  std::int64_t sample_many(const Vec3& p, const Vec3& n, float u, float& chance) const;
+  template <class F, std::size_t N>
+  void sample_many(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& n, F u, std::array<std::int64_t, N>& emitters,
+                   F& chance) const;
+  // Of an item that stands for several, which `rest` (in [0, 1)) chooses among; multiplies `chance`.
+  std::int64_t sample_inside(const Item& item, const Vec3& p, const Vec3& n, float rest, float& chance) const;
   float chance_many(std::uint32_t emitter, const Vec3& p, const Vec3& n) const;
 
   bool single_ = false;

@@ -1,4 +1,4 @@
-// Emissive triangles and parallelograms, sampled uniformly by area.
+// Emissive triangles, parallelograms and disks, sampled uniformly by area.
 #include "base/sampling.h"
 #include "shading/light_record.h"
 
@@ -36,7 +36,7 @@ std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, 
 template <class F>
 MaskOf<F> sample_flat(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out) {
   using V = Vec3Of<F>;
-  const Vec2Of<F> b = e.kind == EmitterKind::triangle ? sample_triangle<F>(u) : u;
+  const Vec2Of<F> b = e.kind == EmitterKind::triangle ? sample_triangle<F>(u) : e.kind == EmitterKind::disk ? sample_disk<F>(u) : u;
   const V w = V(e.position) + V(e.edge0) * b.x + V(e.edge1) * b.y - p;
   const F d2 = glm::dot(w, w);
   out.distance = lanes::sqrt(d2);

@@ -102,20 +102,22 @@ std::optional<EmitterAndBounds> make_spot(const LightDesc& desc, SpotCone& cone,
   return out;
 }
 
-bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSample& out) {
-  float inverse_square;
-  if (!towards<float>(e.position, p, out, inverse_square)) return false;
-  const Vec3 local = cone.world_to_light * -out.wi;
-  const float cosine = local.z / glm::length(local);
-  if (!(cosine >= cone.cos_total)) return false;
-  float falloff = 1;
-  if (cosine <= cone.cos_start) {  // pbrt-v2 and v3: the fourth power
-    const float t = (cosine - cone.cos_total) / (cone.cos_start - cone.cos_total);
-    falloff = cone.smooth ? t * t * (3.f - 2.f * t) : (t * t) * (t * t);
-  }
-  out.radiance = e.radiance * (falloff * inverse_square);
-  return falloff > 0.f;
+template <class F>
+MaskOf<F> sample_spot(const Emitter& e, const SpotCone& cone, const Vec3Of<F>& p, LightSampleOf<F>& out) {
+  F inverse_square;
+  const MaskOf<F> apart = towards<F>(e.position, p, out, inverse_square);
+  if (!lanes::any(apart)) return apart;
+  const glm::mat3& m = cone.world_to_light;
+  const Vec3Of<F> local = Vec3Of<F>(m[0]) * -out.wi.x + Vec3Of<F>(m[1]) * -out.wi.y + Vec3Of<F>(m[2]) * -out.wi.z;
+  const F cosine = local.z / lanes::sqrt(glm::dot(local, local));
+  // pbrt-v2 and v3: the fourth power
+  const F t = (cosine - cone.cos_total) / (cone.cos_start - cone.cos_total);
+  const F falloff = lanes::select(cosine <= cone.cos_start, cone.smooth ? t * t * (3.f - 2.f * t) : (t * t) * (t * t), F(1.f));
+  out.radiance = Vec3Of<F>(e.radiance) * (falloff * inverse_square);
+  return apart && cosine >= cone.cos_total && falloff > 0.f;
 }
+template bool sample_spot<float>(const Emitter&, const SpotCone&, const Vec3&, LightSample&);
+template Mask8 sample_spot<Float8>(const Emitter&, const SpotCone&, const Vec3x8&, LightSample8&);
 
 std::optional<EmitterAndBounds> make_mapped(const LightDesc& desc, const DirectionalMap& map, Warnings& warnings) {
   EmitterAndBounds out;

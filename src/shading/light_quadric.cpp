@@ -41,6 +41,11 @@ bool is_whole(const Quadric& q) {
   return q.z_min <= -q.radius && q.z_max >= q.radius && q.phi_max >= 2 * kPi * 0.999999f;
 }
 
+// Whose light is where it shines: pbrt-v2's disks are not so (Lights::has_v2_disk).
+bool is_whole_disk(const Quadric& q) {
+  return q.inner_radius == 0.f && q.phi_max >= 2 * kPi * 0.999999f && !q.inside_out;
+}
+
 bool is_similarity(const glm::mat3& m) {
   const float x = glm::dot(m[0], m[0]), y = glm::dot(m[1], m[1]), z = glm::dot(m[2], m[2]);
   const float tolerance = 1e-5f * x;
@@ -93,6 +98,14 @@ std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const 
       b.center = record.to_world * Vec3(0, 0, q.height) + record.offset;
       b.radius = q.radius * std::sqrt(glm::dot(record.to_world[0], record.to_world[0]) +
                                       glm::dot(record.to_world[1], record.to_world[1]));
+      if (is_whole_disk(q)) {
+        e.kind = EmitterKind::disk;
+        e.position = b.center;
+        e.edge0 = q.radius * record.to_world[0];
+        e.edge1 = q.radius * record.to_world[1];
+        e.axis = n;
+        e.area_pdf = density;
+      }
     } else {
       b.strength /= kPi;  // a cylinder shows 2 r h of its 2 pi r h
     }

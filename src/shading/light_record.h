@@ -17,9 +17,10 @@ enum class EmitterKind : std::uint8_t {
   infinite,
   triangle,
   parallelogram,  // by area
+  disk,           // whole, also elliptic: by area
   sphere,         // whole, not distorted: by the visible cone
   sphere_part,    // clipped or distorted: by the visible cone of the whole sphere in object space
-  quadric         // disk, cylinder: by area
+  quadric         // part of a disk, cylinder: by area
 };
 
 // The smallest thing that is chosen: a light of the scene, or one triangle (or parallelogram) of an
@@ -31,7 +32,7 @@ struct Emitter {
   std::uint32_t index = 0;  // of its spot cone, map, infinite light or quadric
   Rgb radiance{0};          // or intensity
   Vec3 position{};          // or centre, or corner
-  Vec3 edge0{}, edge1{};    // of triangles and parallelograms
+  Vec3 edge0{}, edge1{};    // of triangles and parallelograms; a disk's half axes
   Vec3 axis{};              // unit: normal of the emitting side; towards a distant light
   float area_pdf = 0;       // 1 / area
   float radius2 = 0;        // of the sphere
@@ -79,7 +80,8 @@ std::optional<EmitterAndBounds> make_distant(const LightDesc& desc, Warnings& wa
 // F: one point or eight that ask the same emitter.
 template <class F>
 MaskOf<F> sample_point(const Emitter& e, const Vec3Of<F>& p, LightSampleOf<F>& out);
-bool sample_spot(const Emitter& e, const SpotCone& cone, const Vec3& p, LightSample& out);
+template <class F>
+MaskOf<F> sample_spot(const Emitter& e, const SpotCone& cone, const Vec3Of<F>& p, LightSampleOf<F>& out);
 template <class F>
 MaskOf<F> sample_distant(const Emitter& e, LightSampleOf<F>& out);
 

@@ -71,11 +71,7 @@ class SceneLights final : public Lights {
     if (choice_.single()) return active && sample_eight(active, 0, Float8(1.f), p, n, u, out);
     std::array<std::int64_t, kLanes> chosen;
     Float8 chance(1.f);
-    lanes::for_each(active, [&](std::size_t i) {
-      float c;
-      chosen[i] = choice_.sample(lanes::get(p, i), lanes::get(n, i), lanes::get(u_light, i), c);
-      lanes::put(chance, i, c);
-    });
+    choice_.sample(active, p, n, u_light, chosen, chance);
     // Each round takes the lanes that ask one emitter.
     for (std::uint32_t left = lanes::to_bits(active); left;) {
       const std::int64_t number = chosen[static_cast<std::size_t>(std::countr_zero(left))];
@@ -129,6 +125,7 @@ class SceneLights final : public Lights {
         break;
       case EmitterKind::triangle:
       case EmitterKind::parallelogram:
+      case EmitterKind::disk:
         pdf = flat_pdf(e, direction, t);
         break;
       case EmitterKind::sphere_part:
@@ -206,9 +203,12 @@ class SceneLights final : public Lights {
         return sample_sphere<F>(e, p, u, out);
       case EmitterKind::triangle:
       case EmitterKind::parallelogram:
+      case EmitterKind::disk:
         return sample_flat<F>(e, p, u, out);
       case EmitterKind::point:
         return sample_point<F>(e, p, out);
+      case EmitterKind::spot:
+        return sample_spot<F>(e, spots_[e.index], p, out);
       case EmitterKind::distant:
         return sample_distant<F>(e, out);
       case EmitterKind::infinite:
@@ -224,8 +224,6 @@ class SceneLights final : public Lights {
           return sample_sphere_part(e, quadrics_[e.index], p, u, out);
         case EmitterKind::quadric:
           return sample_quadric(e, quadrics_[e.index], p, u, out);
-        case EmitterKind::spot:
-          return sample_spot(e, spots_[e.index], p, out);
         case EmitterKind::mapped:
           return sample_mapped(e, maps_[e.index], p, out);
         default:
@@ -242,7 +240,9 @@ class SceneLights final : public Lights {
       case EmitterKind::sphere:
       case EmitterKind::triangle:
       case EmitterKind::parallelogram:
+      case EmitterKind::disk:
       case EmitterKind::point:
+      case EmitterKind::spot:
       case EmitterKind::distant:
       case EmitterKind::infinite:
         return sample_chosen<Float8>(asking, number, chance, p, n, u, out);
