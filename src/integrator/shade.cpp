@@ -269,7 +269,6 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const JobSettings& job = tracer.job_;
   std::uint32_t material, light;
   SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs().uv);
-  const Vec3 wo = -s.direction;
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
 
   if (job.integrator == IntegratorKind::ambient_occlusion) {
@@ -308,18 +307,24 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     return;
   }
   if (is_over(s)) return end();
+  if (eight && eight->take_textured(material, p, offset, s)) return;
+  scatter_at(material, p, offset, hit.t);
+}
 
-  const Footprint print = tracer.footprint_ ? footprint(p, hit.t) : Footprint{};
+void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, float t) {
+  const PathSegment& s = *path;
+  const Footprint print = tracer.footprint_ ? footprint(p, t) : Footprint{};
   if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside))
-    return enter(material, inside.medium, p, print, hit.t);
+    return enter(material, inside.medium, p, print, t);
+  const Vec3 wo = -s.direction;
   Bsdf bsdf = tracer.shading_->lobes(material, p, print);
   if (bsdf.empty()) return end();
   if (eight && eight->take(bsdf, p, offset, s)) return;
   bsdf.finish(wo);
-  const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex);
-  ScatterOf<float> v = scatter_at(p, offset, wo, s, numbers);
+  const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(s.vertex);
+  ScatterOf<float> v = scatter_of(p, offset, wo, s, numbers);
   scatter(bsdf, true, v);
-  scattered(ScatterResults(v), 0, hit.t);
+  scattered(ScatterResults(v), 0, t);
 }
 
 void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {

@@ -52,7 +52,24 @@ void PathTracer::EightShader::find_chunk(const Hit& hit) {
   group_ = material ? 4 * std::size_t{material} + (chunk_->first_normal != kNone ? 2 : 0) + (uvs ? 1 : 0) : 0;
 }
 
+bool PathTracer::EightShader::take_textured(std::uint32_t material, const SurfacePoint& p, const Vec3& offset, const PathSegment& s) {
+  // Filtered textures are those of camera rays, which are neighbours and find their texels in the cache.
+  if (s.cone_width > 0.f || s.cone_spread > 0.f || !shader_.tracer.shading_->prefetch(material, p)) return false;
+  textured_.push_back({static_cast<std::size_t>(&s - batch_.segments.data()), material, shader_.end_flags, p, offset});
+  if (textured_.size() == kTextured) scatter_textured();
+  return true;
+}
+
+void PathTracer::EightShader::scatter_textured() {
+  for (Textured& t : textured_) {
+    shader_.resume(batch_.segments[t.segment], t.end_flags);
+    shader_.scatter_at(t.material, t.p, t.offset, batch_.hits[t.segment].t);
+  }
+  textured_.clear();
+}
+
 void PathTracer::EightShader::finish() {
+  scatter_textured();
   for (std::size_t kind = 0; kind < groups_.size(); ++kind)
     if (groups_[kind].count) shade(kind, groups_[kind]);
   for (const auto& waiting : waiting_)

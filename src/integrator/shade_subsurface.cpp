@@ -85,7 +85,7 @@ void PathTracer::Shader::enter(std::uint32_t material, const InteriorMedium& med
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, -s.direction, footprint);
   if (bsdf.empty()) return end();
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(s.vertex);
-  ScatterOf<float> v = scatter_at(p, ray_offset(p.p, p.p_error, p.ng), -s.direction, s, numbers);
+  ScatterOf<float> v = scatter_of(p, ray_offset(p.p, p.p_error, p.ng), -s.direction, s, numbers);
   v.side = Vec3(0.f);
   if (bsdf.has_smooth() && !tracer.lights_->empty()) {
     direct(bsdf, true, v);
@@ -231,7 +231,7 @@ void PathTracer::Shader::leave(const SubsurfacePoint& at, const SurfacePoint& p)
   s.flags = static_cast<std::uint16_t>(s.flags & ~(kInside | kInsideScattered | kInsideReversed));
   s.passed = 0;
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(0x20000000u + s.vertex);
-  ScatterOf<float> v = scatter_at(p, ray_offset(p.p, p.p_error, p.ng), p.ng, s, numbers);
+  ScatterOf<float> v = scatter_of(p, ray_offset(p.p, p.p_error, p.ng), p.ng, s, numbers);
   Bsdf bsdf(Frame(p.ns), p.ng);
   bsdf.add(bsdf::diffuse_exit(at.eta));
   bsdf.finish(p.ng);

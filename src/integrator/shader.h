@@ -63,7 +63,7 @@ struct ScatterOf {
 };
 
 // Of the path `s` that arrives at p.
-inline ScatterOf<float> scatter_at(const SurfacePoint& p, const Vec3& offset, const Vec3& wo, const PathSegment& s,
+inline ScatterOf<float> scatter_of(const SurfacePoint& p, const Vec3& offset, const Vec3& wo, const PathSegment& s,
                                    const SampleSequence::Pairs& numbers) {
   ScatterOf<float> v;
   v.p = p.p;
@@ -195,6 +195,8 @@ struct PathTracer::Shader {
   SurfacePoint surface(const AnsweredSurface& s, const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
   Footprint footprint(const SurfacePoint& p, float t) const;
   void vertex(const Hit& hit);
+  // The path under work at a surface that scatters, t along its ray.
+  void scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, float t);
   // Takes the path under work through the media before its surface at t, or infinity. False: it stays in them, and has
   // been taken on or ended there.
   bool cross_media(float t);
@@ -259,7 +261,10 @@ class PathTracer::EightShader {
   EightShader(Shader& shader, SegmentBatch& batch);
   // False if the vertex of segment i is to be shaded by itself.
   bool take(std::size_t i);
-  // The vertex at p of a path of the batch that is under work. False: it cannot wait.
+  // A vertex at p, of the path of the batch that is under work, waits until what its textures read is in the cache. False:
+  // it need not.
+  bool take_textured(std::uint32_t material, const SurfacePoint& p, const Vec3& offset, const PathSegment& s);
+  // The same vertex with its lobes. False: it cannot wait.
   bool take(const Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const PathSegment& s);
   void finish();  // shades what still waits
 
@@ -280,6 +285,14 @@ class PathTracer::EightShader {
     std::size_t count = 0;
     std::array<std::size_t, kLanes> segments;
   };
+  struct Textured {
+    std::size_t segment;
+    std::uint32_t material;
+    std::uint16_t end_flags;
+    SurfacePoint p;
+    Vec3 offset;
+  };
+  static constexpr std::size_t kTextured = 16;
   static constexpr std::size_t kMostWaiting = 64;  // kinds; scenes with more shade the rest one by one
   struct Group {
     std::size_t count = 0;
@@ -290,6 +303,7 @@ class PathTracer::EightShader {
   void find_chunk(const Hit& hit);
   void shade(std::size_t kind, Group& group);
   void shade(Waiting& waiting);
+  void scatter_textured();
   bool take_escape(std::size_t i);
   void shade(Escapes& escapes, bool weighted);
   // Fills in what paths bring to a vertex.
@@ -305,6 +319,7 @@ class PathTracer::EightShader {
   std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs
   std::vector<std::unique_ptr<Waiting>> waiting_;
   std::size_t last_waiting_ = 0;
+  std::vector<Textured> textured_;
   std::array<Escapes, 2> escapes_;  // seen directly; weighted
 };
 

@@ -54,6 +54,8 @@ class Shading {
   // The lobes at a point, for which Bsdf::finish() is still to be called. Applies the bump map (changes point.ns and the
   // tangents). material may be kNone (0xffffffff): black.
   virtual Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const = 0;
+  // Brings what lobes() reads without a footprint into the cache. False: that is not worth to wait for.
+  virtual bool prefetch(std::uint32_t material, const SurfacePoint& point) const = 0;
   // The scattering at a point; `wo` is the unit direction back along the ray.
   Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const {
     Bsdf b = lobes(material, point, footprint);

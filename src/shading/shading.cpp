@@ -88,6 +88,13 @@ class SceneShading final : public Shading {
     return b;
   }
 
+  bool prefetch(std::uint32_t material, const SurfacePoint& point) const override {
+    if (material >= records_.size() || records_[material].needs.tables.empty()) return false;
+    const TexturePoint at(point, Footprint{});
+    for (const TableTexture* table : records_[material].needs.tables) table->prefetch(at);
+    return true;
+  }
+
   bool subsurface(std::uint32_t material, const SurfacePoint& point, const Footprint& footprint,
                   SubsurfacePoint& out) const override {
     if (material >= records_.size()) return false;

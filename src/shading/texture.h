@@ -1,6 +1,7 @@
 #pragma once
 // Textures: values of type float or Rgb over a surface. A parameter of a material is a Textured<T>:
 // a constant, or a texture. Constants cost no call.
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -33,14 +34,25 @@ class Texture {
   virtual T eval(const TexturePoint& at) const = 0;
 };
 
+// A texture that looks into a large table.
+class TableTexture {
+ public:
+  virtual ~TableTexture() = default;
+  // Brings what eval() reads at a point without footprint into the cache.
+  virtual void prefetch(const TexturePoint& at) const = 0;
+};
+
 // What a texture, or a material, needs of the point at which it is evaluated.
 struct TextureNeeds {
   bool uv = false, footprint = false;
   int depth = 0;  // longest chain of textures
+  std::vector<const TableTexture*> tables;
   TextureNeeds& operator|=(const TextureNeeds& n) {
     uv = uv || n.uv;
     footprint = footprint || n.footprint;
     depth = std::max(depth, n.depth);
+    for (const TableTexture* t : n.tables)
+      if (std::find(tables.begin(), tables.end(), t) == tables.end()) tables.push_back(t);
     return *this;
   }
 };

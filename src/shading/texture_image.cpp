@@ -105,6 +105,18 @@ Rgb ImagePyramid::bilinear(int level, const Vec2& st, WrapMode wrap) const {
   });
 }
 
+void ImagePyramid::prefetch(Vec2 st, WrapMode wrap) const {
+  if (!bring_near(st, wrap)) return;
+  const Level& l = levels_.front();
+  const auto size = static_cast<std::size_t>(channels_) * (l.format == Format::byte ? 1 : l.format == Format::half ? 2 : 4);
+  int x = static_cast<int>(st.x * static_cast<float>(l.width) - 0.5f), y = static_cast<int>(st.y * static_cast<float>(l.height) - 0.5f);
+  x = std::clamp(x, 0, l.width - 1);
+  for (const int row : {y, y + 1}) {
+    const auto first = static_cast<std::size_t>(std::clamp(row, 0, l.height - 1)) * static_cast<std::size_t>(l.width);
+    __builtin_prefetch(texels_ + l.offset + (first + static_cast<std::size_t>(x)) * size);
+  }
+}
+
 Rgb ImagePyramid::trilinear(const Vec2& st, float width, WrapMode wrap) const {
   const int last = level_count() - 1;
   const float size = static_cast<float>(std::max(levels_[0].width, levels_[0].height));

@@ -54,6 +54,8 @@ class ImagePyramid {
   // two derivatives: elliptically weighted (Heckbert 1989), or trilinear. Zero derivatives:
   // bilinear on the finest level.
   Rgb lookup(const Vec2& st, const Vec2& dst0, const Vec2& dst1, const ImageFilter& filter) const;
+  // Brings what a lookup without derivatives reads into the cache.
+  void prefetch(Vec2 st, WrapMode wrap) const;
 
  private:
   friend class ImageStore;

@@ -8,7 +8,7 @@ namespace cloudrenderer {
 namespace {
 
 template <class T>
-class ImagemapTexture final : public Texture<T> {
+class ImagemapTexture final : public Texture<T>, public TableTexture {
  public:
   ImagemapTexture(const TextureMapping& mapping, const ImagePyramid* image,
                   const ImageFilter& filter)
@@ -21,6 +21,7 @@ class ImagemapTexture final : public Texture<T> {
     else
       return v;
   }
+  void prefetch(const TexturePoint& at) const override { image_->prefetch(mapping_(at).st, filter_.wrap); }
 
  private:
   TextureMapping mapping_;
@@ -94,7 +95,9 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   const TextureMapping mapping(in);
   try {
     const ImagePyramid* image = in.images.get(path, encoding, p.find("filename")->location);
-    return std::make_unique<ImagemapTexture<T>>(mapping, image, filter);
+    auto texture = std::make_unique<ImagemapTexture<T>>(mapping, image, filter);
+    in.params.needs().tables.push_back(texture.get());
+    return texture;
   } catch (const SceneError& e) {
     // As pbrt: a picture with a grey (v3) or white (v2) surface is better than none.
     in.params.warn(std::string(e.what()) + "; using a constant");
