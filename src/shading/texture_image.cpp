@@ -162,8 +162,8 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
       const std::size_t first = static_cast<std::size_t>(row) * static_cast<std::size_t>(l.width);
       for (int k = s0; k <= s1; ++k) {
         const float x = static_cast<float>(k) - middle.x, r2 = a * x * x + b * x * y + c * y * y;
-        if (!(r2 < 1.f)) continue;
-        const float w = kWeight[static_cast<std::size_t>(r2 * kWeights)];
+        // The last weight is 0: no branch that nobody can foresee.
+        const float w = kWeight[static_cast<std::size_t>(r2 < 1.f ? r2 * kWeights : kWeights - 1)];
         weights += w;
         int column = k;
         if (black || (wraps && !wrap_index(column, l.width, wrap))) continue;
