@@ -41,11 +41,21 @@ std::vector<Lobe> lobes(std::size_t kind, float x) {
     case 7:
       return {disney_diffuse(DisneyDiffuse{color, x, 0.5f, 0.3f + 0.5f * x, Rgb(0.1f)}),
               microfacet(Rgb(1.f), separable(trowbridge_reitz(0.1f + x, 0.3f)), disney_fresnel(color, x, 1.5f))};
+    case 8:
+      return {specular_reflection(color, conductor(eta, k))};
+    case 9:
+      return {specular_dielectric(color, Rgb(x), 1.1f + x, true)};
+    case 10:
+      return {specular_reflection(color, dielectric(1.f + x)), specular_transmission(color, 0.6f + x, true), lambert(color)};
+    case 11:
+      return {thin_dielectric(1.2f + x), microfacet(color, trowbridge_reitz(0.1f, 0.1f), no_fresnel())};
+    case 12:
+      return {coated_lambert(color, 1.1f + x), specular_reflection(Rgb(x), dielectric(1.5f))};
     default:
       return {fresnel_blend(color, Rgb(x), blinn_anisotropic(0.1f, 0.01f + x)), lambert(color), microfacet(color, blinn(0.1f), no_fresnel())};
   }
 }
-constexpr std::size_t kKinds = 9;
+constexpr std::size_t kKinds = 14;
 
 Vec3 direction(Uniform& u) { return sample_uniform_sphere<float>(u.pair()); }
 
@@ -104,6 +114,9 @@ TEST(Bsdf8, HasTheBitsOfEachVertex) {
         expect_bits(s.wi, lanes::get(sample.wi, i));
         expect_bits(s.weight, lanes::get(sample.weight, i));
         expect_bits(s.pdf, lanes::get(sample.pdf, i));
+        expect_bits(s.eta, lanes::get(sample.eta, i));
+        ASSERT_EQ(s.specular, (lanes::to_bits(sample.specular) >> i & 1u) != 0);
+        ASSERT_EQ(s.transmission, (lanes::to_bits(sample.transmission) >> i & 1u) != 0);
       }
     }
   }
@@ -122,7 +135,11 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
     s.light("spot", {color("I", Rgb(3)), point("from", Vec3(0, 0, 3)), point("to", Vec3(0))});
     s.light("distant", {color("L", Rgb(3)), point("from", Vec3(0, 1, 1)), point("to", Vec3(0))});
   };
-  std::vector<Scene> scenes(5);
+  const MapFile map(64, 32, [](int x, int y) { return Rgb(0.1f, 0.2f, x == 5 && y == 9 ? 300.f : 0.3f); });
+  const auto add_map = [&](Scene& s) {
+    s.light("infinite", {string("mapname", map.path())}, Transform(glm::rotate(Mat4(1.f), 1.f, Vec3(1, 2, 3))));
+  };
+  std::vector<Scene> scenes(7);
   scenes[0].quadric(sphere({0, 0, 2}, 1.5f), {1, 2, 3});
   add_flat(scenes[1]);
   add_delta(scenes[2]);
@@ -131,6 +148,13 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
   add_delta(scenes[3]);
   // More than are listed one by one.
   for (int i = 0; i < 40; ++i) scenes[4].quadric(sphere({static_cast<float>(i), 0, 2}, 0.2f), Rgb(1));
+  add_map(scenes[5]);
+  add_map(scenes[6]);
+  scenes[6].light("infinite", {color("L", Rgb(0.5f))});
+  Quadric disk = sphere({1, 0, 2}, 0.7f);
+  disk.kind = QuadricKind::disk;
+  disk.z_min = disk.z_max = 0;
+  scenes[6].quadric(disk, Rgb(4)).quadric(disk, Rgb(3), true);
   Uniform u;
   int found = 0;
   for (std::size_t number = 0; number < scenes.size(); ++number) {
@@ -164,6 +188,18 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
         expect_bits(s.weight_pdf, lanes::get(eight.weight_pdf, i));
         ASSERT_EQ(s.delta, (lanes::to_bits(eight.delta) >> i & 1u) != 0);
       }
+      Vec3x8 away;
+      for (std::size_t i = 0; i < kLanes; ++i) lanes::put(away, i, direction(u));
+      Float8 pdf;
+      const Mask8 some = lanes::from_mask_bits(active);
+      const Vec3x8 weighed = lights->escaped(some, p, n, away, pdf), seen = lights->escaped(some, away);
+      lanes::for_each(some, [&](std::size_t i) {
+        SCOPED_TRACE("scene " + std::to_string(number) + " round " + std::to_string(round) + " lane " + std::to_string(i));
+        float one_pdf;
+        expect_bits(lights->escaped(lanes::get(p, i), lanes::get(n, i), lanes::get(away, i), one_pdf), lanes::get(weighed, i));
+        expect_bits(one_pdf, lanes::get(pdf, i));
+        expect_bits(lights->escaped(lanes::get(away, i)), lanes::get(seen, i));
+      });
     }
   }
   EXPECT_GT(found, 3000);
