@@ -227,7 +227,7 @@ def main():
         parser.add_argument(f"--pbrt-{version}", type=pathlib.Path, metavar="BINARY")
     parser.add_argument("--ours", choices=("v2", "v3", "v4"),
                         help="the version of the scene's text that we render; default: its own")
-    to_mitsuba.add_coats_option(parser)
+    to_mitsuba.add_coats_option(parser, default=True)
     parser.add_argument("--hosts", type=numbers, metavar="N,N,...", help="measure the cluster with so many hosts")
     speed_cluster.add_options(parser)
     parser.add_argument("--out", type=pathlib.Path, default=measure.ROOT / "build" / "speed_error")

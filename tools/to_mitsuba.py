@@ -37,8 +37,8 @@ def convert(program, scene, folder, versions=(), dialect=None, coats=False):
     return model
 
 
-def add_coats_option(parser):
-    parser.add_argument("--coats", action="store_true",
+def add_coats_option(parser, default=False):
+    parser.add_argument("--coats", action=argparse.BooleanOptionalAction, default=default,
                         help="replace plastic and uber by substrate in all programs, which is more like Mitsuba's coats")
 
 

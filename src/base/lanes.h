@@ -179,6 +179,11 @@ Vec3Of<F> normalize(const Vec3Of<F>& v) {
   return v * (1.f / sqrt(glm::dot(v, v)));
 }
 
+// Numbers of a table.
+inline Float8 lookup(const float* table, Ints8 at) {
+  return Float8::of(_mm256_i32gather_ps(table, reinterpret_cast<__m256i>(at), sizeof(float)));
+}
+
 // f(lane) for the lanes of m.
 template <class Fn>
 void for_each(bool m, Fn f) {

@@ -38,7 +38,9 @@ float Distribution1D::sample(float u, float& pdf, std::size_t& cell) const {
   // The last entry that is <= u, and so starts a piece of non-zero width.
   cell = guide_[guess(u)];
   while (cell > 0 && cdf_[cell] > u) --cell;  // where the guess was rounded up
-  while (cell + 1 < size() && cdf_[cell + 1] <= u) ++cell;
+  // Mostly one step or none: not as a branch, which nobody could foresee. The last entry is above every u.
+  for (int i = 0; i < 2; ++i) cell += cdf_[cell + 1] <= u;
+  while (cdf_[cell + 1] <= u) ++cell;
   const float width = cdf_[cell + 1] - cdf_[cell];
   const float d = width > 0.f ? std::min((u - cdf_[cell] + 0.5f / kQuanta) / width, 0.99999994f) : 0.5f;
   const float n = static_cast<float>(size());
@@ -78,8 +80,9 @@ Vec2x8 Distribution2D::sample(Mask8 active, const Vec2x8& u, Float8& pdf) const 
     float density;
     lanes::put(at.y, i, marginal_.sample(lanes::get(u.y, i), density, rows[i]));
     lanes::put(pdf, i, density);
-    rows_[rows[i]].prefetch(lanes::get(u.x, i));
+    rows_[rows[i]].prefetch_guide(lanes::get(u.x, i));
   });
+  lanes::for_each(active, [&](std::size_t i) { rows_[rows[i]].prefetch_piece(lanes::get(u.x, i)); });
   lanes::for_each(active, [&](std::size_t i) {
     float density;
     std::size_t column;

@@ -62,8 +62,9 @@ class Distribution1D {
   float sample(float u, float& pdf, std::size_t& cell) const;
   float pdf(float x) const;
   float cell_probability(std::size_t cell) const { return cdf_[cell + 1] - cdf_[cell]; }
-  // Brings what sample(u) reads first into the cache.
-  void prefetch(float u) const { __builtin_prefetch(&guide_[guess(u)]); }
+  // Bring what sample(u) reads into the cache: the first is waited for by the second.
+  void prefetch_guide(float u) const { __builtin_prefetch(&guide_[guess(u)]); }
+  void prefetch_piece(float u) const { __builtin_prefetch(&cdf_[guide_[guess(u)]]); }
   std::uint64_t bytes() const { return cdf_.size() * sizeof(float) + guide_.size() * sizeof(std::uint32_t); }
 
  private:

@@ -10,6 +10,7 @@ namespace {
 
 // Gaussian weights exp(-2 r^2) - exp(-2) of the squared radius in [0, 1).
 constexpr int kWeights = 128;
+constexpr Ints8 kEight = {0, 1, 2, 3, 4, 5, 6, 7};
 std::array<float, kWeights> make_weights() {
   std::array<float, kWeights> w{};
   const float edge = portable::exp(-2.f);
@@ -160,14 +161,18 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
       int row = t;
       const bool black = !wrap_index(row, l.height, wrap);
       const std::size_t first = static_cast<std::size_t>(row) * static_cast<std::size_t>(l.width);
-      for (int k = s0; k <= s1; ++k) {
-        const float x = static_cast<float>(k) - middle.x, r2 = a * x * x + b * x * y + c * y * y;
+      for (int left = s0; left <= s1; left += static_cast<int>(kLanes)) {
+        const Float8 x = lanes::to_float(left + kEight) - middle.x, r2 = a * x * x + b * x * y + c * y * y;
         // The last weight is 0: no branch that nobody can foresee.
-        const float w = kWeight[static_cast<std::size_t>(r2 < 1.f ? r2 * kWeights : kWeights - 1)];
-        weights += w;
-        int column = k;
-        if (black || (wraps && !wrap_index(column, l.width, wrap))) continue;
-        sum += w * texel(first + static_cast<std::size_t>(column));
+        const Float8 w8 = lanes::lookup(kWeight.data(), lanes::to_int(lanes::select(r2 < 1.f, r2 * kWeights, Float8(kWeights - 1))));
+        const int right = std::min(s1, left + static_cast<int>(kLanes) - 1);
+        for (int k = left; k <= right; ++k) {
+          const float w = w8.v[k - left];
+          weights += w;
+          int column = k;
+          if (black || (wraps && !wrap_index(column, l.width, wrap))) continue;
+          sum += w * texel(first + static_cast<std::size_t>(column));
+        }
       }
     }
   });
