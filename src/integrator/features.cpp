@@ -7,23 +7,29 @@ namespace cloudrenderer {
 
 namespace {
 
-// Share of the light from all sides that goes on towards the viewer, by the BSDF's own samples at fixed numbers: the
-// same for all paths, so that it has no noise. Hammersley's points.
-Rgb albedo_of(const Bsdf& bsdf, const Vec3& wo) {
-  constexpr std::uint32_t kSamples = 16;
-  Rgb sum(0.f);
-  for (std::uint32_t i = 0; i < kSamples; ++i) {
-    const auto inverse = [i](std::uint32_t base) {  // van der Corput's sequence
-      float value = 0, digit = 1;
+// Halton's points.
+constexpr std::size_t kSamples = 16;
+constexpr auto kPoints = [] {
+  std::array<std::array<float, 2>, kSamples> points{};
+  for (std::uint32_t i = 0; i < kSamples; ++i)
+    for (std::uint32_t base = 2; base <= 3; ++base) {
+      float digit = 1;
       for (std::uint32_t n = i + 1; n > 0; n /= base) {
         digit /= static_cast<float>(base);
-        value += digit * static_cast<float>(n % base);
+        points[i][base - 2] += digit * static_cast<float>(n % base);
       }
-      return value;
-    };
-    BsdfSample sample;
+    }
+  return points;
+}();
+
+// Share of the light from all sides that goes on towards the viewer, by the BSDF's own samples at fixed numbers: the
+// same for all paths, so that it has no noise.
+Rgb albedo_of(const Bsdf& bsdf, const Vec3& wo) {
+  Rgb sum(0.f);
+  for (std::size_t i = 0; i < kSamples; ++i) {
     const float lobe = (static_cast<float>(i) + 0.5f) / static_cast<float>(kSamples);
-    if (bsdf.sample(wo, lobe, {inverse(2), inverse(3)}, sample) && is_finite(sample.weight)) sum += sample.weight;
+    BsdfSample sample;
+    if (bsdf.sample(wo, lobe, {kPoints[i][0], kPoints[i][1]}, sample) && is_finite(sample.weight)) sum += sample.weight;
   }
   return sum / static_cast<float>(kSamples);
 }
