@@ -1,3 +1,4 @@
+#include "film/features.h"
 #include "film/film.h"
 
 #include <gtest/gtest.h>
@@ -231,6 +232,48 @@ TEST(FilmOptions, NamesAFileThatCanBeWritten) {
                 .filename,
             "a/b.tga");
   EXPECT_EQ(warnings.list().size(), 1u);
+}
+
+TEST(Features, AreMeansOverAllSamplesOrOverThoseThatSeeSomething) {
+  constexpr int kLength = 20;
+  PixelFeatures a, b, nothing;
+  a.samples = 2;
+  a.hits = 1;
+  a.ids = {4, 5, 6};
+  a.sum[kAlbedo + 1] = Int128{1} << kFeatureK;
+  a.sum[kNormal + 2] = -(Int128{1} << kFeatureK);
+  a.sum[kDepth] = Int128{6} << kLength;
+  b.samples = 2;
+  b.hits = 2;
+  b.sum[kDepth] = Int128{3} << kLength;
+  b.sum[kPosition] = Int128{12} << kLength;
+  nothing.samples = 3;
+  PixelFeatures other = b;
+  other.merge(a);
+  a.merge(b);
+  EXPECT_EQ(a, other);
+  const std::vector<PixelFeatures> pixels{a, nothing};
+  const auto floats = [&](FeatureLayer layer, std::size_t channel) {
+    return std::get<std::vector<float>>(feature_channels(pixels, layer, kLength)[channel].values);
+  };
+  EXPECT_EQ(floats(FeatureLayer::albedo, 1), (std::vector<float>{0.25f, 0.f}));
+  EXPECT_EQ(floats(FeatureLayer::normal, 2), (std::vector<float>{-0.25f, 0.f}));
+  EXPECT_EQ(floats(FeatureLayer::depth, 0), (std::vector<float>{3.f, 1e10f}));
+  EXPECT_EQ(floats(FeatureLayer::position, 0), (std::vector<float>{4.f, 0.f}));
+  const auto ids = feature_channels(pixels, FeatureLayer::ids, kLength);
+  EXPECT_EQ(ids[2].name, "id.material");
+  EXPECT_EQ(std::get<std::vector<std::uint32_t>>(ids[2].values), (std::vector<std::uint32_t>{6, 0}));
+}
+
+TEST(Features, HaveUnitsThatFollowTheSizeOfTheScene) {
+  Bounds3 box;
+  EXPECT_EQ(feature_length_k(box), 31);  // as one unit wide
+  box.extend(Vec3(0.f));
+  box.extend(Vec3(3.f, 0.f, 0.f));
+  EXPECT_EQ(feature_length_k(box), 30);  // 2^-32 of 4
+  box.extend(Vec3(3e9f, 0.f, 0.f));
+  EXPECT_EQ(feature_length_k(box), 0);
+  EXPECT_GT(feature_length_k({Vec3(0.f), Vec3(1e-6f)}), 45);
 }
 
 }  // namespace

@@ -65,6 +65,36 @@ TEST(Checkpoint, KeepsTheLastDecision) {
   EXPECT_EQ(reader.position(), good);
 }
 
+TEST(Checkpoint, KeepsWhatPathsHaveSeen) {
+  CheckpointJob job = a_job();
+  job.features = true;
+  Bytes bytes = encode_header(job);
+  EXPECT_TRUE((*read_header(bytes))->features);
+  EXPECT_NE(difference(job, a_job())->find("--layers"), std::string::npos);
+  TileSums tile = a_tile(1, 1, {{0, 3}}, 5);
+  for (std::uint32_t i = 0; i < tile.sums.size(); ++i) {
+    PixelFeatures& p = tile.features.emplace_back();
+    p.samples = 3;
+    p.hits = i % 4;
+    p.ids = {i, i + 1, 7};
+    for (std::size_t c = 0; c < p.sum.size(); ++c) p.sum[c] = -(static_cast<Int128>(i) << (10 * c));
+  }
+  encode_record(tile, header_checksum(bytes), bytes);
+  const std::size_t good = bytes.size();
+  tile.features.pop_back();
+  encode_record(tile, header_checksum(bytes), bytes);  // one pixel short
+  CheckpointReader reader(bytes, job);
+  const auto got = reader.next();
+  ASSERT_TRUE(got);
+  EXPECT_TRUE(same(*got, a_tile(1, 1, {{0, 3}}, 5)));
+  tile.features = got->features;
+  EXPECT_EQ(got->features.size(), got->sums.size());
+  EXPECT_EQ(got->features[5].ids, (FeatureIds{5, 6, 7}));
+  EXPECT_TRUE(got->features[5].sum[9] == -(static_cast<Int128>(5) << 90));
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(reader.position(), good);
+}
+
 struct Journal {
   Journal() : bytes(encode_header(a_job())) {
     tiles = {a_tile(0, 0, {{0, 4}}, 1), a_tile(2, 2, {{0, 1}}, 2, 3),

@@ -62,5 +62,49 @@ TEST(Ledger, NamesMissingPathsAsTheCameraNumbersThem) {
   EXPECT_EQ(runs[1].count, 26u);
 }
 
+PathFeatures told(std::uint32_t x, std::uint32_t sample, std::int64_t value, std::uint16_t flags) {
+  PathFeatures f{3, 20 * kWidth + x, sample, 1, flags, {}, {}};
+  f.values.fill(value);
+  if (flags & kTellsHit) f.ids = {7, 8, 9};
+  return f;
+}
+
+TEST(Ledger, WaitsForWhatAPathHasSeenInAnyOrderAndCountsItOnce) {
+  const RendererRange range{3, 10, 20, 14, 21, 0, 2};
+  RendererLedger l(range, kWidth, true);
+  const auto end = [](std::uint32_t x, std::uint32_t sample, std::uint16_t flags) { return PathEnd{3, 20 * kWidth + x, sample, 1, flags, {1, 1, 1}}; };
+  EXPECT_EQ(l.record(end(10, 0, 0)), Outcome::counted);
+  EXPECT_EQ(l.record(told(10, 0, 5, kTellsSurface)), Outcome::counted);
+  EXPECT_EQ(l.remaining(), 8u);
+  EXPECT_EQ(l.missing()[0].first, 0u);  // made again, should the rest be lost
+  EXPECT_EQ(l.record(told(10, 0, 5, kTellsSurface)), Outcome::duplicate);
+  EXPECT_EQ(l.record(end(10, 0, 0)), Outcome::duplicate);
+  EXPECT_EQ(l.record(told(10, 0, 3, kTellsHit)), Outcome::counted);
+  EXPECT_EQ(l.remaining(), 7u);
+  EXPECT_EQ(l.missing()[0].first, 1u);
+  // One that saw nothing, and one that is not finite but saw something.
+  EXPECT_EQ(l.record(end(11, 0, kEndWithoutHit | kEndWithoutSurface)), Outcome::counted);
+  EXPECT_EQ(l.record(told(12, 1, 4, kTellsHit | kTellsSurface)), Outcome::counted);
+  EXPECT_EQ(l.record(end(12, 1, kEndInvalid)), Outcome::counted);
+  EXPECT_EQ(l.remaining(), 5u);
+  EXPECT_EQ(l.record(told(12, 2, 4, kTellsHit)), Outcome::foreign);
+  const auto r = std::move(l).reply();
+  ASSERT_EQ(r.features.size(), 4u);
+  EXPECT_TRUE(r.features[0].sum[kDepth] == 8);
+  EXPECT_EQ(r.features[0].ids, (FeatureIds{7, 8, 9}));
+  EXPECT_EQ(r.features[0].hits, 1u);
+  EXPECT_EQ(r.features[1].samples, 1u);
+  EXPECT_EQ(r.features[1].hits, 0u);
+  EXPECT_EQ(r.features[2].samples, 1u);
+  EXPECT_EQ(r.features[2].ids, FeatureIds{});  // not of sample 0
+  EXPECT_EQ(r.sums[2].count, (std::array<std::uint32_t, 2>{0, 0}));
+}
+
+TEST(Ledger, TakesNoFeaturesInJobsWithoutThem) {
+  RendererLedger l(kRange, kWidth);
+  EXPECT_EQ(l.record(told(10, 4, 5, kTellsHit)), Outcome::foreign);
+  EXPECT_TRUE(std::move(l).reply().features.empty());
+}
+
 }  // namespace
 }  // namespace cloudrenderer

@@ -85,31 +85,74 @@ TEST(Codec, TakesTheNarrowestRadianceThatIsExact) {
         std::int64_t{-129}, std::int64_t{1} << 40, -(std::int64_t{1} << 47),
         std::numeric_limits<std::int64_t>::max(), std::numeric_limits<std::int64_t>::min()}) {
     PathEnds m;
-    m.ends.resize(3);
-    m.ends[1].radiance = {v, 1, -1};
+    m.batch.ends.resize(3);
+    m.batch.ends[1].radiance = {v, 1, -1};
     const PathEnds got = there_and_back(m);
-    EXPECT_EQ(got.ends[1].radiance, m.ends[1].radiance) << v;
-    EXPECT_EQ(got.ends[2].radiance, m.ends[2].radiance);
+    EXPECT_EQ(got.batch.ends[1].radiance, m.batch.ends[1].radiance) << v;
+    EXPECT_EQ(got.batch.ends[2].radiance, m.batch.ends[2].radiance);
   }
   PathEnds small, large;
-  small.ends.resize(100);
-  large.ends.resize(100);
-  large.ends[5].radiance[2] = std::int64_t{1} << 50;
+  small.batch.ends.resize(100);
+  large.batch.ends.resize(100);
+  large.batch.ends[5].radiance[2] = std::int64_t{1} << 50;
   EXPECT_EQ(encode(large)->size() - encode(small)->size(), 100u * 3 * 6);
 }
 
 TEST(Codec, KeepsPathEnds) {
   PathEnds m;
   m.generation = 9;
-  m.ends.push_back({1, 2, 3, 4, kEndInvalid, {5, -6, 7}});
+  m.batch.ends.push_back({1, 2, 3, 4, kEndInvalid, {5, -6, 7}});
   const PathEnds got = there_and_back(m);
   EXPECT_EQ(got.generation, 9u);
-  ASSERT_EQ(got.ends.size(), 1u);
-  EXPECT_EQ(got.ends[0].task, 1u);
-  EXPECT_EQ(got.ends[0].pixel, 2u);
-  EXPECT_EQ(got.ends[0].sample, 3u);
-  EXPECT_EQ(got.ends[0].owner, 4u);
-  EXPECT_EQ(got.ends[0].flags, kEndInvalid);
+  ASSERT_EQ(got.batch.ends.size(), 1u);
+  EXPECT_EQ(got.batch.ends[0].task, 1u);
+  EXPECT_EQ(got.batch.ends[0].pixel, 2u);
+  EXPECT_EQ(got.batch.ends[0].sample, 3u);
+  EXPECT_EQ(got.batch.ends[0].owner, 4u);
+  EXPECT_EQ(got.batch.ends[0].flags, kEndInvalid);
+}
+
+TEST(Codec, KeepsWhatPathsHaveSeen) {
+  PathEnds m;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    PathFeatures f{i, 2 + i, 3, 4, kTellsHit, {5, 6, 7 + i}, {}};
+    for (std::size_t c = 0; c < f.values.size(); ++c) f.values[c] = (c % 2 ? -1 : 1) * (std::int64_t{1} << (3 * c + i));
+    m.batch.features.push_back(f);
+  }
+  const PathEnds got = there_and_back(m);
+  EXPECT_TRUE(got.batch.ends.empty());
+  ASSERT_EQ(got.batch.features.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const PathFeatures &a = got.batch.features[i], &b = m.batch.features[i];
+    EXPECT_EQ(a.task, b.task);
+    EXPECT_EQ(a.pixel, b.pixel);
+    EXPECT_EQ(a.sample, b.sample);
+    EXPECT_EQ(a.owner, b.owner);
+    EXPECT_EQ(a.flags, b.flags);
+    EXPECT_EQ(a.ids, b.ids);
+    EXPECT_EQ(a.values, b.values);
+  }
+  m.batch.ends.push_back({1, 2, 3, 4, kEndWithoutHit, {5, -6, 7}});
+  EXPECT_EQ(there_and_back(m).batch.features[2].values, m.batch.features[2].values);
+  EXPECT_EQ(there_and_back(m).batch.ends[0].flags, kEndWithoutHit);
+}
+
+TEST(Codec, KeepsSumsOfWhatPathsHaveSeen) {
+  RendererReply r;
+  r.sums.resize(3);
+  const auto without = encode(Reply{{1, 2}, 3, r})->size();
+  r.features.resize(3);
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    PixelFeatures& p = r.features[i];
+    p.samples = 9 + i;
+    p.hits = i;
+    p.ids = {i, 2, 3};
+    for (std::size_t c = 0; c < p.sum.size(); ++c) p.sum[c] = (static_cast<Int128>(c % 2 ? -1 : 1) << (20 * i + 6 * c)) + 1;
+  }
+  const auto got = std::get<RendererReply>(there_and_back(Reply{{1, 2}, 3, r}).payload);
+  EXPECT_EQ(got.features, r.features);
+  EXPECT_TRUE(std::get<RendererReply>(there_and_back(Reply{{1, 2}, 3, RendererReply{0, r.sums, 0, 0}}).payload).features.empty());
+  EXPECT_GT(encode(Reply{{1, 2}, 3, r})->size(), without + 3 * 20);
 }
 
 TEST(Codec, KeepsRays) {

@@ -156,12 +156,20 @@ Json columns(const Reply& m) {
 
 Json columns(const PathEnds& m) {
   Json out = Json::array();
-  column(out, "task", m.ends, [](const PathEnd& e) { return e.task; });
-  column(out, "pixel", m.ends, [](const PathEnd& e) { return e.pixel; });
-  column(out, "sample", m.ends, [](const PathEnd& e) { return e.sample; });
-  column(out, "owner", m.ends, [](const PathEnd& e) { return e.owner; });
-  column(out, "flags", m.ends, [](const PathEnd& e) { return e.flags; });
-  column(out, "radiance", m.ends, [](const PathEnd& e) { return e.radiance; });
+  column(out, "task", m.batch.ends, [](const PathEnd& e) { return e.task; });
+  column(out, "pixel", m.batch.ends, [](const PathEnd& e) { return e.pixel; });
+  column(out, "sample", m.batch.ends, [](const PathEnd& e) { return e.sample; });
+  column(out, "owner", m.batch.ends, [](const PathEnd& e) { return e.owner; });
+  column(out, "flags", m.batch.ends, [](const PathEnd& e) { return e.flags; });
+  column(out, "radiance", m.batch.ends, [](const PathEnd& e) { return e.radiance; });
+  if (m.batch.features.empty()) return out;
+  column(out, "features task", m.batch.features, [](const PathFeatures& f) { return f.task; });
+  column(out, "features pixel", m.batch.features, [](const PathFeatures& f) { return f.pixel; });
+  column(out, "features sample", m.batch.features, [](const PathFeatures& f) { return f.sample; });
+  column(out, "features owner", m.batch.features, [](const PathFeatures& f) { return f.owner; });
+  column(out, "features flags", m.batch.features, [](const PathFeatures& f) { return f.flags; });
+  column(out, "features ids", m.batch.features, [](const PathFeatures& f) { return f.ids; });
+  column(out, "features values", m.batch.features, [](const PathFeatures& f) { return f.values; });
   return out;
 }
 
@@ -244,8 +252,11 @@ std::vector<std::pair<std::string, Message>> messages() {
   PathEnds ends;
   ends.generation = 2;
   for (std::uint32_t i = 0; i < 3; ++i)
-    ends.ends.push_back({9, i, 5, 1, static_cast<std::uint16_t>(i), {i * 1000, -5, 1 << 18}});
+    ends.batch.ends.push_back({9, i, 5, 1, static_cast<std::uint16_t>(i), {i * 1000, -5, 1 << 18}});
   add("path_ends", ends);
+  for (std::uint32_t i = 0; i < 2; ++i)
+    ends.batch.features.push_back({9, i, 5, 1, kTellsHit | kTellsSurface, {1, 2, 3}, {1 << 29, 5, -6, 7, 8, 9, 10, -11, 12, std::int64_t{1} << 33}});
+  add("path_ends_features", ends);
   add("status", filled<Status>());
   add("leave", filled<Leave>());
   add("error", filled<Error>());

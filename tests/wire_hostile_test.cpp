@@ -179,7 +179,7 @@ TEST(HostilePeer, SealedRandomChangesDoNoHarm) {
   RendererReply renderer;
   renderer.sums.resize(4);
   PathEnds ends;
-  ends.ends.resize(5);
+  ends.batch.ends.resize(5);
   SceneHostMap map;
   map.set_part_count(7);
   map.add_hosts()->set_host(1);

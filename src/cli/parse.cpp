@@ -48,7 +48,7 @@ struct Texts {
       alpha, max_relmse, parent, tls, web, display, layers, sampling;
 };
 
-constexpr auto kLayers = std::to_array<const char*>({"error", "samples"});
+constexpr auto kLayers = std::to_array<const char*>({"error", "samples", "albedo", "normal", "depth", "position", "ids"});
 
 std::string layer_names() {
   std::string out;

@@ -34,11 +34,18 @@ void check_writable(const std::string& path, const char* what) {
   fs::remove(probe, ignored);
 }
 
+constexpr auto kFeatureLayers = std::to_array<std::pair<const char*, FeatureLayer>>(
+    {{"albedo", FeatureLayer::albedo}, {"normal", FeatureLayer::normal}, {"depth", FeatureLayer::depth},
+     {"position", FeatureLayer::position}, {"ids", FeatureLayer::ids}});
+
 // What --layers asks for.
 std::vector<ImageChannel> channels(const RenderOptions& o, const RenderOutcome& r) {
   std::vector<ImageChannel> out;
   if (o.layers.contains("error")) out = error_layer(*r.film, r.facts.settings.film.scale);
   if (o.layers.contains("samples")) out.push_back(samples_layer(*r.film));
+  for (const auto& [name, layer] : kFeatureLayers)
+    if (o.layers.contains(name))
+      for (ImageChannel& c : feature_channels(r.features, layer, r.facts.settings.length_k)) out.push_back(std::move(c));
   return out;
 }
 
@@ -87,6 +94,7 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   RenderOptions o = given;
   RenderRequest& request = o.request;
   if (!fs::exists(request.scene)) throw SceneError({}, request.scene + ": there is no such file");
+  request.features = std::ranges::any_of(kFeatureLayers, [&](const auto& l) { return o.layers.contains(l.first); });
   if (request.listen) request.token = read_token(o.token_file);
   if (request.listen && !request.listen->is_loopback() && request.token.empty() &&
       request.tls.authority.empty())

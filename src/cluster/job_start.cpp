@@ -5,6 +5,7 @@
 #include <random>
 
 #include "film/camera.h"
+#include "film/features.h"
 #include "parts/features.h"
 #include "parts/part_builder.h"
 #include "parts/part_map.h"
@@ -124,6 +125,7 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   s.set_spp(settings.spp);
   s.set_seed(settings.seed);
   s.set_k(settings.k);
+  s.set_features(settings.features);
   s.set_columns(columns_of(manifest, needs));
   if (overrides.integrator) s.set_integrator(*overrides.integrator);
   // Zero is a depth too, so it is an option and not the field in which zero means "from the scene".
@@ -142,6 +144,8 @@ JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, W
   o.max_depth = number_option(start, kMaxDepth);
   JobSettings settings = job_settings(manifest.scene, o, warnings);
   settings.k = start.k();
+  settings.features = start.features();
+  settings.length_k = feature_length_k(manifest.bounds);
   settings.footprint_spp = number_option(start, kFootprintSpp).value_or(0);
   settings.film.frame = {start.width(), start.height(), start.x0(),
                          start.y0(),    start.x1(),     start.y1()};

@@ -90,6 +90,8 @@ class RenderRun {
     overrides_ = request_.overrides;
     if ((request_.max_error || request_.max_time_s) && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
+    facts_.settings.features = request_.features;
+    facts_.settings.length_k = feature_length_k(manifest_->bounds);
     needs_ = scene_needs(manifest_->scene, facts_.settings, warnings_);  // here, as hosts warn nobody
     facts_.camera_matrices = camera_matrices(manifest_->scene.camera);
     const FilmFrame& frame = facts_.settings.film.frame;
@@ -363,6 +365,7 @@ class RenderRun {
     out.hosts = core.hosts();
     out.bit_exact = core.bit_exact();
     out.film = std::make_unique<Film>(std::move(core.film()));
+    out.features = std::move(core.features());
     out.interrupted = interrupted_;
     out.estimate = out.film->estimated_error(out.facts.settings.film.scale, looks());
     if (convergence_.empty() || convergence_.back().spp < (adaptive() ? samples : out.spp_done)) {

@@ -38,6 +38,7 @@ struct RenderRequest {
   // go where the error is; a time without a number of samples ends nothing before.
   std::optional<double> max_error, max_time_s;
   bool adaptive = true;
+  bool features = false;  // that paths tell what they see, for RenderOutcome::features
   std::optional<Image> reference;
   std::string checkpoint;  // "": an interrupt leaves one where the observer says
   bool resume = false;
@@ -86,6 +87,7 @@ struct RenderObserver {
 struct RenderOutcome {
   SceneFacts facts;
   std::unique_ptr<Film> film;
+  std::vector<PixelFeatures> features;  // row by row as the film; empty if not asked for
   bool interrupted = false;
   bool bound_met = true;  // --max-error
   bool bit_exact = true;

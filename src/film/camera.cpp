@@ -207,6 +207,11 @@ void Camera::place(float time, CameraRay& ray) const {
   ray.cone_width *= scale_;
 }
 
+float Camera::depth(const Vec3& p, float time) const {
+  const Mat4 m = motion_ ? placed(Affine(), {&*motion_, 1}, time).inverse().matrix() : to_camera_;
+  return m[0][2] * p.x + m[1][2] * p.y + m[2][2] * p.z + m[3][2];
+}
+
 std::map<std::string, Mat4> camera_matrices(const CameraDesc& desc) {
   Transform to_camera = desc.world_to_camera;
   if (desc.motion) {
@@ -260,6 +265,7 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
     for (float* v : {&plane.x, &plane.y, &plane.dx, &plane.dy}) *v *= half;
     camera = std::make_unique<PerspectiveCamera>(to_world, plane, lens(desc));
   }
+  camera->to_camera_ = desc.world_to_camera.matrix();
   if (desc.motion) {
     camera->motion_ = motion_of(desc);
     camera->scale_ = std::sqrt(glm::length(glm::cross(at_start.vector({1, 0, 0}), at_start.vector({0, 1, 0}))));

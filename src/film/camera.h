@@ -37,6 +37,8 @@ class Camera {
   virtual bool uses_lens() const = 0;
 
   bool moves() const { return motion_.has_value(); }
+  // z of camera space: how far p lies behind the camera's plane at that time.
+  float depth(const Vec3& p, float time) const;
   // A ray of a camera that moves, at a time.
   void place(float time, CameraRay& ray) const;
 
@@ -47,6 +49,7 @@ class Camera {
  private:
   std::optional<AnimatedTransform> motion_;  // camera to world
   float scale_ = 1;                          // of lengths, by it
+  Mat4 to_camera_{1.f};                      // of one that stands still
 };
 
 // For the header of the picture, when the shutter opens: "worldtocamera", and of cameras that project "worldtoNDC", which

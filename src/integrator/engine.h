@@ -40,8 +40,7 @@ struct ShadowAsk {
 struct ParkedPath {
   PathSegment segment;  // its radiance lacks the contributions still asked for
   bool ended = false;   // ends when answered; else becomes a new segment to trace
-  bool invalid = false; // a contribution was not finite and was dropped
-  bool clamped = false;
+  std::uint16_t end_flags = 0;  // then: PathEndFlag
 };
 
 struct RayCounts {
@@ -59,6 +58,7 @@ struct RayCounts {
 struct ShadeOutput {
   std::vector<PathSegment> continuing;  // new segments, to be traced (here first)
   std::vector<PathEnd> ended;
+  std::vector<PathFeatures> features;   // in jobs that ask for them
   std::vector<ParkedPath> parked;
   std::vector<ShadowAsk> asks;          // at most one a parked path
   std::vector<std::uint32_t> ask_parts; // see ShadowAsk::pending

@@ -42,6 +42,8 @@ struct JobSettings {
   float ao_distance = kInfinity;
   bool ao_cosine = false;
   int k = 30;  // fixed point: units of 2^-k
+  bool features = false;  // paths tell what they see, see film/features.h
+  int length_k = 32;      // of depths and positions, see feature_length_k()
 };
 
 // Reads integrator, sampler and film with pbrt's meaning of their parameters in the scene's dialect (v2 and v3 count

@@ -2,9 +2,10 @@
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <vector>
 
 #include "cloudrenderer/math.h"
-#include "film/film.h"
+#include "film/features.h"
 
 namespace cloudrenderer {
 
@@ -24,6 +25,9 @@ enum SegmentFlag : std::uint16_t {
   kInside = 32,         // a step of a walk inside of a subsurface material, see InteriorMedium below
   kInsideScattered = 64,  // the walk has changed its direction
   kInsideReversed = 128,  // the walk began on the back of a surface
+  // In jobs with features: what PathFeatures said of this path already.
+  kHitTold = 256,
+  kSurfaceTold = 512,
 };
 
 // One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
@@ -70,10 +74,30 @@ struct PathSegment {
 struct PathEnd {
   std::uint32_t task = 0, pixel = 0, sample = 0;
   std::uint16_t owner = 0;
-  std::uint16_t flags = 0;  // kEndInvalid, kEndClamped
+  std::uint16_t flags = 0;  // PathEndFlag
   Fixed3 radiance{};
 };
-enum PathEndFlag : std::uint16_t { kEndInvalid = 1, kEndClamped = 2 };
+// The last two in jobs with features: no PathFeatures will say this of the path.
+enum PathEndFlag : std::uint16_t { kEndInvalid = 1, kEndClamped = 2, kEndWithoutHit = 4, kEndWithoutSurface = 8 };
+
+// What a path has seen, sent to the owner of its renderer task from where it was seen, so that nothing of it travels with
+// the path. Mostly one a path; two where a mirror or smooth glass comes first.
+struct PathFeatures {
+  std::uint32_t task = 0, pixel = 0, sample = 0;
+  std::uint16_t owner = 0;
+  std::uint16_t flags = 0;  // kTellsHit: depth, position and ids count; kTellsSurface: albedo and normal
+  FeatureIds ids{};
+  FeatureValues values{};
+};
+enum PathFeaturesFlag : std::uint16_t { kTellsHit = 1, kTellsSurface = 2 };
+
+// Of several paths, on its way to one owner.
+struct EndBatch {
+  std::vector<PathEnd> ends;
+  std::vector<PathFeatures> features;
+  bool empty() const { return ends.empty() && features.empty(); }
+  std::size_t size() const { return ends.size() + features.size(); }
+};
 
 // A question to another host: is anything of what you hold between the ends of this ray? 28 bytes.
 struct OcclusionRay {

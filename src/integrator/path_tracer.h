@@ -58,6 +58,7 @@ class PathTracer final : public PathEngine {
   class EightShader;
   void build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings);
   std::uint32_t channel_of(const PathSegment& s) const;
+  Rgb tint(const PathSegment& s) const;
   BrickRay brick_ray(const PathSegment& s, const SampleSequence& sequence) const;
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;

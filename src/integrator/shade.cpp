@@ -104,6 +104,10 @@ Footprint PathTracer::Shader::footprint(const SurfacePoint& p, float t) const {
 
 void PathTracer::Shader::end() {
   const PathSegment& s = *path;
+  if (tracer.job_.features) {
+    if (!(s.flags & kHitTold)) end_flags |= kEndWithoutHit;
+    if (!(s.flags & kSurfaceTold)) end_flags |= kEndWithoutSurface;
+  }
   out.ended.push_back({s.task, s.pixel, s.sample, s.owner, end_flags, s.radiance});
   const auto index = static_cast<std::uint32_t>(out.ended.size() - 1);
   for (std::size_t i = first_shadow; i < shadows.lights.size(); ++i) {
@@ -271,6 +275,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs().uv);
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
 
+  if (tells_features() && !tracer.shading_->is_null(material)) tell_surface(hit, material, p);
   if (job.integrator == IntegratorKind::ambient_occlusion) {
     occlusion(p, offset, SampleSequence(job.sequence, job.seed, s.pixel, s.sample));
     return;

@@ -25,6 +25,8 @@ bool PathTracer::EightShader::take(std::size_t i) {
   const Hit& hit = batch_.hits[i];
   const PathTracer& tracer = shader_.tracer;
   if (hit.part == kNone) return take_escape(i);
+  // A vertex that tells what it is: lanes have no formulas for that.
+  if (tracer.job_.features && !(batch_.segments[i].flags & kSurfaceTold)) return false;
   if (hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion)
     return false;
   if (part_number_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) find_chunk(hit);

@@ -59,6 +59,7 @@ void PathTracer::Shader::collide(const Hit& hit) {
 void PathTracer::Shader::scatter_in_medium(const MediumSample& at) {
   const PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
+  if (tells_features()) tell_collision(s.origin + at.t * s.direction);
   if (is_over(s) || is_black(s.throughput)) return end();
   const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(s.vertex);
   ScatterOf<float> v;

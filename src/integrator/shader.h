@@ -217,6 +217,11 @@ struct PathTracer::Shader {
   // How much light comes through the media, and through surfaces without material, from the end of a shadow ray; what
   // is known to block it gives 0.
   Rgb shadow_transmittance(const Vec3& origin, const Vec3& direction, float distance) const;
+  // features.cpp, in jobs that ask for them: what the path sees at its vertex, if it has not told yet.
+  bool tells_features() const { return tracer.job_.features && !(path->flags & kSurfaceTold); }
+  void tell_surface(const Hit& hit, std::uint32_t material, const SurfacePoint& p);
+  void tell_collision(const Vec3& p);
+  void put_place(PathFeatures& f, const Vec3& p) const;
   void escape();
   void end();
   // Sends the path on; the caller says where, in what is returned.

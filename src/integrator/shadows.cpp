@@ -58,8 +58,7 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
       parked.segment.owner = e.owner;
       parked.segment.radiance = e.radiance;
       parked.ended = true;
-      parked.invalid = e.flags & kEndInvalid;
-      parked.clamped = e.flags & kEndClamped;
+      parked.end_flags = e.flags;
       gone_ended[w.path] = 1;
     } else {
       parked.segment = out.continuing[w.path];

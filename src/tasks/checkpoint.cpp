@@ -13,10 +13,11 @@ namespace cloudrenderer {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'c', 'r', 'c', 'k', 'p', 't', '\r', '\n'};
-constexpr std::uint32_t kVersion = 2, kTileMark = 0x656c6974, kGoalMark = 0x6c616f67;  // "tile", "goal"
+constexpr std::uint32_t kVersion = 3, kTileMark = 0x656c6974, kGoalMark = 0x6c616f67;  // "tile", "goal"
 constexpr std::size_t kRecordHeaderBytes = 16, kBodyHeaderBytes = 40;
 constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
+constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they are");
 
@@ -98,6 +99,7 @@ CheckpointJob checkpoint_job(std::uint64_t split, const JobSettings& s) {
   job.ao_cosine = s.ao_cosine;
   job.ao_distance = s.ao_distance;
   job.footprint_spp = s.spp;
+  job.features = s.features;
   return job;
 }
 
@@ -131,6 +133,9 @@ std::optional<std::string> difference(const CheckpointJob& made, const Checkpoin
   if (made.ao_cosine != now.ao_cosine)
     return differs("cosine-weighted occlusion", text(made.ao_cosine), text(now.ao_cosine));
   if (made.k != now.k) return differs("fixed point", text(made.k), text(now.k));
+  if (made.features != now.features)
+    return std::string(made.features ? "layers of what paths see" : "no layers of what paths see") + ", this render has " +
+           (now.features ? "some" : "none") + " (--layers)";
   if (made.split != now.split)
     return differs("split", fmt::format("{:016x}", made.split), fmt::format("{:016x}", now.split)) +
            " (the scene's files or --part-size are not the same)";
@@ -154,7 +159,7 @@ Bytes encode_header(const CheckpointJob& job) {
   put(out, static_cast<std::uint32_t>(job.ao_cosine));
   put(out, job.ao_distance);
   put(out, job.footprint_spp);
-  put(out, std::uint32_t{0});
+  put(out, static_cast<std::uint32_t>(job.features));
   put(out, hash(out));
   static_assert(kCheckpointHeaderBytes == 8 + 2 * 4 + 3 * 8 + 6 * 4 + 10 * 4 + 8);
   return out;
@@ -192,8 +197,10 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   job.ao_cosine = in.take<std::uint32_t>() != 0;
   job.ao_distance = in.take<float>();
   job.footprint_spp = in.take<std::uint32_t>();
+  const auto features = in.take<std::uint32_t>();
+  job.features = features != 0;
   if (f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 || f.y0 >= f.y1 ||
-      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile ||
+      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || features > 1 ||
       integrator > static_cast<std::uint32_t>(IntegratorKind::ambient_occlusion))
     return fail("its header makes no sense");
   job.integrator = static_cast<IntegratorKind>(integrator);
@@ -214,7 +221,7 @@ void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& o
                                   [&](const PixelSums& p) { return p.count != expected; });
   const unsigned width = sum_width(tile);
   const std::size_t body = kBodyHeaderBytes + 8 * tile.samples.size() +
-                           tile.sums.size() * (6 * width + (counts ? 8 : 0));
+                           tile.sums.size() * (6 * width + (counts ? 8 : 0)) + tile.features.size() * kFeatureBytes;
   put(out, kTileMark);
   put(out, static_cast<std::uint32_t>(body));
   const std::size_t checksum_at = out.size();
@@ -244,6 +251,13 @@ void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& o
         at += width;
       }
     }
+  }
+  for (const PixelFeatures& p : tile.features) {
+    std::memcpy(out.data() + at, &p.hits, 4);
+    std::memcpy(out.data() + at + 4, p.ids.data(), 4 * kFeatureIds);
+    at += 4 + 4 * kFeatureIds;
+    std::memcpy(out.data() + at, p.sum.data(), kFeatureSumBytes * kFeatureNumbers);
+    at += kFeatureSumBytes * kFeatureNumbers;
   }
   const std::uint64_t checksum =
       hash(std::span(out).subspan(body_at), header_checksum + std::uint64_t{body});
@@ -304,7 +318,7 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
   const std::uint64_t pixels = std::uint64_t{t.x1 - t.x0} * (t.y1 - t.y0);
   const bool counts = (flags & kCounts) != 0;
   if (body.size() !=
-      kBodyHeaderBytes + std::uint64_t{8} * ranges + pixels * (6 * width + (counts ? 8 : 0)))
+      kBodyHeaderBytes + std::uint64_t{8} * ranges + pixels * (6 * width + (counts ? 8 : 0) + (job_.features ? kFeatureBytes : 0)))
     return std::nullopt;
   SampleSet set;
   for (std::uint32_t i = 0; i < ranges; ++i) {
@@ -321,6 +335,15 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
       for (std::uint32_t& n : p.count) n = in.take<std::uint32_t>();
     for (auto& half : p.sum)
       for (Int128& v : half) v = in.take_sum(width);
+  }
+  if (!job_.features) return t;
+  t.features.resize(pixels);
+  for (PixelFeatures& p : t.features) {
+    p.samples = expected[0] + expected[1];
+    p.hits = in.take<std::uint32_t>();
+    if (p.hits > p.samples) return std::nullopt;
+    for (std::uint32_t& id : p.ids) id = in.take<std::uint32_t>();
+    for (Int128& sum : p.sum) sum = in.take_sum(kFeatureSumBytes);
   }
   return t;
 }

@@ -30,14 +30,19 @@ class EndsByOwner {
   explicit EndsByOwner(WorkResult& r) : ends_(r.ends) {}
   void add(const PathEnd& e) {
     if (last_ >= ends_.size() || ends_[last_].first.value != e.owner) find(e.owner);
-    ends_[last_].second.push_back(e);
+    ends_[last_].second.ends.push_back(e);
+  }
+  void add(const PathFeatures& f) {
+    if (last_ >= ends_.size() || ends_[last_].first.value != f.owner) find(f.owner);
+    ends_[last_].second.features.push_back(f);
   }
   // Mostly all of a batch belong to one owner, and need not be copied one by one.
   void add(std::vector<PathEnd>&& batch) {
     const auto other = [&](const PathEnd& e) { return e.owner != batch.front().owner; };
     if (batch.empty()) return;
     if (ends_.empty() && std::ranges::none_of(batch, other)) {
-      ends_.emplace_back(HostId(batch.front().owner), std::move(batch));
+      const HostId owner(batch.front().owner);
+      ends_.emplace_back(owner, EndBatch{std::move(batch), {}});
     } else {
       for (const PathEnd& e : batch) add(e);
     }
@@ -47,9 +52,9 @@ class EndsByOwner {
   void find(std::uint16_t owner) {
     for (last_ = 0; last_ < ends_.size(); ++last_)
       if (ends_[last_].first.value == owner) return;
-    ends_.emplace_back(HostId(owner), std::vector<PathEnd>());
+    ends_.emplace_back(HostId(owner), EndBatch());
   }
-  std::vector<std::pair<HostId, std::vector<PathEnd>>>& ends_;
+  std::vector<std::pair<HostId, EndBatch>>& ends_;
   std::size_t last_ = 0;
 };
 
@@ -234,10 +239,8 @@ void resume(const ParkedPath& p, WorkResult& r, EndsByOwner& ends) {
     r.next.push_back(p.segment);
     return;
   }
-  const auto flags =
-      static_cast<std::uint16_t>((p.invalid ? kEndInvalid : 0) | (p.clamped ? kEndClamped : 0));
-  ends.add({p.segment.task, p.segment.pixel, p.segment.sample, p.segment.owner, flags,
-            p.segment.radiance});
+  ends.add(PathEnd{p.segment.task, p.segment.pixel, p.segment.sample, p.segment.owner, p.end_flags,
+                   p.segment.radiance});
 }
 
 constexpr std::span<const float> kNoTimes;
@@ -320,6 +323,7 @@ WorkResult run(const PathEngine& engine, Work& work, ShadeWork& w) {
   pages.finish();
   EndsByOwner ends(r);
   ends.add(std::move(out.ended));
+  for (const PathFeatures& f : out.features) ends.add(f);
   if (out.parked.empty()) return r;
   AskSorter sorter(engine, *work.routing, r);
   std::vector<std::uint8_t> asked(out.parked.size());
@@ -418,12 +422,15 @@ WorkResult run(const PathEngine&, Work& work, CollectWork& w) {
   WorkResult r;
   r.ledgers = std::move(w.ledgers);
   for (const RendererRange& range : w.opened)
-    r.ledgers.try_emplace(range.task, range, work.film_width);
+    r.ledgers.try_emplace(range.task, range, work.film_width, work.features);
   auto ledger = r.ledgers.end();
-  for (const auto& block : w.ends) {
-    for (const PathEnd& e : block) {
-      if (ledger == r.ledgers.end() || ledger->first != e.task) ledger = r.ledgers.find(e.task);
-      if (ledger == r.ledgers.end()) {
+  const auto find = [&](std::uint32_t task) {
+    if (ledger == r.ledgers.end() || ledger->first != task) ledger = r.ledgers.find(task);
+    return ledger != r.ledgers.end();
+  };
+  for (const EndBatch& block : w.ends) {
+    for (const PathEnd& e : block.ends) {
+      if (!find(e.task)) {
         ++r.unknown;
         continue;
       }
@@ -438,6 +445,8 @@ WorkResult run(const PathEngine&, Work& work, CollectWork& w) {
           break;
       }
     }
+    for (const PathFeatures& f : block.features)
+      if (find(f.task)) ledger->second.record(f);
   }
   for (auto it = r.ledgers.begin(); it != r.ledgers.end();) {
     r.remaining.emplace_back(it->first, it->second.remaining());

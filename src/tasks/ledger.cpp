@@ -2,31 +2,75 @@
 
 namespace cloudrenderer {
 
-RendererLedger::RendererLedger(const RendererRange& range, std::uint32_t film_width)
+namespace {
+constexpr std::uint8_t kEnded = 4, kAll = kTellsHit | kTellsSurface | kEnded;
+}
+
+RendererLedger::RendererLedger(const RendererRange& range, std::uint32_t film_width, bool features)
     : range_(range),
       film_width_(film_width),
       remaining_(range.paths()),
       bits_((range.paths() + 63) / 64),
-      sums_(std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) {}
+      sums_(std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) {
+  if (!features) return;
+  arrived_.resize(range.paths());
+  features_.resize(sums_.size());
+}
+
+std::optional<RendererLedger::Place> RendererLedger::place(std::uint32_t task, std::uint32_t pixel, std::uint32_t sample) const {
+  const std::uint32_t y = pixel / film_width_, x = pixel % film_width_;
+  if (task != range_.task || x < range_.x0 || x >= range_.x1 || y < range_.y0 || y >= range_.y1 ||
+      sample < range_.sample_begin || sample >= range_.sample_end)
+    return std::nullopt;
+  const std::size_t i = std::size_t{y - range_.y0} * (range_.x1 - range_.x0) + (x - range_.x0);
+  return Place{i, i * (range_.sample_end - range_.sample_begin) + (sample - range_.sample_begin)};
+}
+
+void RendererLedger::complete(const Place& at) {
+  bits_[at.sample / 64] |= std::uint64_t{1} << (at.sample % 64);
+  --remaining_;
+}
+
+void RendererLedger::arrived(const Place& at, std::uint8_t what) {
+  arrived_[at.sample] |= what;
+  if (arrived_[at.sample] != kAll) return;
+  ++features_[at.pixel].samples;
+  complete(at);
+}
 
 RendererLedger::Outcome RendererLedger::record(const PathEnd& e) {
-  const std::uint32_t y = e.pixel / film_width_, x = e.pixel % film_width_;
-  if (e.task != range_.task || x < range_.x0 || x >= range_.x1 || y < range_.y0 || y >= range_.y1 ||
-      e.sample < range_.sample_begin || e.sample >= range_.sample_end)
-    return Outcome::foreign;
-  const std::size_t pixel = std::size_t{y - range_.y0} * (range_.x1 - range_.x0) + (x - range_.x0);
-  const std::size_t bit =
-      pixel * (range_.sample_end - range_.sample_begin) + (e.sample - range_.sample_begin);
-  const std::uint64_t mask = std::uint64_t{1} << (bit % 64);
-  if (bits_[bit / 64] & mask) return Outcome::duplicate;
-  bits_[bit / 64] |= mask;
-  --remaining_;
+  const auto at = place(e.task, e.pixel, e.sample);
+  if (!at) return Outcome::foreign;
+  if (arrived_.empty()) {
+    if (bits_[at->sample / 64] >> (at->sample % 64) & 1u) return Outcome::duplicate;
+    complete(*at);
+  } else {
+    if (arrived_[at->sample] & kEnded) return Outcome::duplicate;
+    const int nothing = (e.flags & kEndWithoutHit ? kTellsHit : 0) | (e.flags & kEndWithoutSurface ? kTellsSurface : 0);
+    arrived(*at, static_cast<std::uint8_t>(kEnded | nothing));
+  }
   if (e.flags & kEndClamped) ++clamped_;
   if (e.flags & kEndInvalid) {
     ++invalid_;  // the sample is dropped: it has arrived, but its pixel does not count it
   } else {
-    sums_[pixel].add(e.radiance, e.sample);
+    sums_[at->pixel].add(e.radiance, e.sample);
   }
+  return Outcome::counted;
+}
+
+RendererLedger::Outcome RendererLedger::record(const PathFeatures& f) {
+  const auto at = place(f.task, f.pixel, f.sample);
+  const int told = f.flags & (kTellsHit | kTellsSurface);
+  if (!at || arrived_.empty() || told == 0) return Outcome::foreign;
+  // A path that was made again tells the same again, in the same pieces.
+  if (arrived_[at->sample] & told) return Outcome::duplicate;
+  PixelFeatures& pixel = features_[at->pixel];
+  for (std::size_t i = 0; i < f.values.size(); ++i) pixel.sum[i] += f.values[i];
+  if (told & kTellsHit) {
+    ++pixel.hits;
+    if (f.sample == 0) pixel.ids = f.ids;
+  }
+  arrived(*at, static_cast<std::uint8_t>(told));
   return Outcome::counted;
 }
 
@@ -48,7 +92,7 @@ std::vector<RendererLedger::Run> RendererLedger::missing() const {
 }
 
 wire::RendererReply RendererLedger::reply() && {
-  return {range_.task, std::move(sums_), invalid_, clamped_};
+  return {range_.task, std::move(sums_), invalid_, clamped_, std::move(features_)};
 }
 
 }  // namespace cloudrenderer

@@ -28,6 +28,7 @@ ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
     : options_(options),
       job_(std::move(job)),
       film_(job_.frame, job_.k),
+      features_(job_.start.features() ? job_.frame.pixels() : 0),
       generation_(options.first_generation),
       fingerprint_(options.fingerprint) {
   options_.round_samples = std::max(1u, options_.round_samples);
@@ -63,6 +64,8 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
                   quoted(instruction_sets()) + "); --allow-inexact lets it join");
   if (!can(hello, wire::TRACER) && !can(hello, wire::INTERSECTION))
     return refuse("the host neither traces nor intersects: there is no work for it");
+  if (job_.start.features() && can(hello, wire::TRACER) && !has_feature(hello, "layers"))
+    return refuse("the job has layers of what paths see, and the host does not know how to tell it (\"layers\")");
   const std::uint64_t least = main_bytes() + job_.parts[0].build;
   if (can(hello, wire::TRACER) && hello.memory() < least)
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +

@@ -123,6 +123,8 @@ class ManagerCore {
 
   Film& film() { return film_; }
   const Film& film() const { return film_; }
+  // Row by row as the film; empty in jobs without features.
+  std::vector<PixelFeatures>& features() { return features_; }
 
   struct HostReport {
     wire::Hello hello;
@@ -155,6 +157,7 @@ class ManagerCore {
 
  private:
   static bool can(const wire::Hello& hello, wire::Category category);
+  static bool has_feature(const wire::Hello& hello, const std::string& feature);  // none named: all
   struct Host {
     wire::HostEntry entry;
     wire::Hello hello;
@@ -243,6 +246,7 @@ class ManagerCore {
   std::uint32_t give(HostId id, Host& h, RendererRange range, double now);
   void take_back(std::map<std::uint32_t, Outstanding>::iterator o);
   void merge(const Outstanding& o, wire::RendererReply& r);
+  void merge(const RendererRange& range, std::span<const PixelSums> sums, std::span<const PixelFeatures> features);
   void set_tile(std::uint32_t tile);
   void begin_held_rounds();
   bool held_to_the_end() const;
@@ -263,6 +267,7 @@ class ManagerCore {
   ManagerOptions options_;
   JobSpec job_;
   Film film_;
+  std::vector<PixelFeatures> features_;
   Phase phase_ = Phase::gathering;
   std::string error_;
   Outbox outbox_;

@@ -13,8 +13,12 @@ constexpr std::uint64_t kMostCredits = std::uint64_t{1} << 40;  // believed
 constexpr std::uint32_t kTasksPerHost = 8;                      // at least, by the size of tiles
 
 // Whether a reply has sums for every pixel, and every sample once: counted or invalid.
-bool fits(const wire::RendererReply& r, const RendererRange& range) {
+bool fits(const wire::RendererReply& r, const RendererRange& range, bool features) {
   if (r.sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) return false;
+  if (r.features.size() != (features ? r.sums.size() : 0)) return false;
+  const std::uint32_t samples = range.sample_end - range.sample_begin;
+  for (const PixelFeatures& p : r.features)
+    if (p.samples != samples || p.hits > samples) return false;
   const std::uint32_t even = (range.sample_end + 1) / 2 - (range.sample_begin + 1) / 2;
   const std::uint32_t odd = range.sample_end / 2 - range.sample_begin / 2;
   std::uint64_t counted = 0;
@@ -131,16 +135,15 @@ bool ManagerCore::restore(const TileSums& t) {
   const std::size_t tile = (t.y0 - f.y0) / tile_ * std::size_t{tiles_x_} + (t.x0 - f.x0) / tile_;
   const RendererRange r = tile_range(tile);
   if (t.x0 != r.x0 || t.y0 != r.y0 || t.x1 != r.x1 || t.y1 != r.y1 ||
-      t.sums.size() != std::size_t{r.x1 - r.x0} * (r.y1 - r.y0) || t.samples.empty())
+      t.sums.size() != std::size_t{r.x1 - r.x0} * (r.y1 - r.y0) || t.samples.empty() ||
+      t.features.size() != (job_.start.features() ? t.sums.size() : 0))
     return false;
   SampleSet all = covered_[tile];
   for (const SampleRange& s : t.samples)
     if (s.end > job_.spp || !all.add(s)) return false;
   const std::uint64_t before = progress_.paths_done;
   for (const SampleRange& s : t.samples) cover(tile, s);
-  auto sum = t.sums.begin();
-  for (std::uint32_t y = r.y0; y < r.y1; ++y)
-    for (std::uint32_t x = r.x0; x < r.x1; ++x) film_.at(x, y).merge(*sum++);
+  merge(r, t.sums, t.features);
   progress_.invalid_samples += t.invalid;
   progress_.clamped_samples += t.clamped;
   progress_.paths_restored += progress_.paths_done - before;
@@ -154,12 +157,15 @@ std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
   const auto ranges = covered_[tile].ranges();
   if (ranges.empty()) return std::nullopt;
   const RendererRange r = tile_range(tile);
-  TileSums t{r.x0, r.y0, r.x1, r.y1, {ranges.begin(), ranges.end()}, 0, 0, bit_exact_, {}};
+  TileSums t{r.x0, r.y0, r.x1, r.y1, {ranges.begin(), ranges.end()}, 0, 0, bit_exact_, {}, {}};
   const std::uint32_t width = job_.frame.crop_width();
   for (std::uint32_t y = r.y0; y < r.y1; ++y) {
     const std::size_t row = std::size_t{y - job_.frame.y0} * width - job_.frame.x0;
     const auto sums = film_.sums().subspan(row + r.x0, r.x1 - r.x0);
     t.sums.insert(t.sums.end(), sums.begin(), sums.end());
+    if (features_.empty()) continue;
+    const auto features = std::span(features_).subspan(row + r.x0, r.x1 - r.x0);
+    t.features.insert(t.features.end(), features.begin(), features.end());
   }
   return t;
 }
@@ -308,7 +314,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   if (it == outstanding_.end() || it->second.host != from)
     return void(++progress_.dropped_messages);
   const RendererRange range = it->second.range;
-  if (!fits(*r, range)) {  // nor would it answer once more
+  if (!fits(*r, range, job_.start.features())) {  // nor would it answer once more
     ++progress_.dropped_messages;
     return remove(from, true, now);
   }
@@ -339,12 +345,21 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   if (h.leaving) try_release(from, now);
 }
 
+void ManagerCore::merge(const RendererRange& range, std::span<const PixelSums> sums, std::span<const PixelFeatures> features) {
+  auto sum = sums.begin();
+  auto feature = features.begin();
+  for (std::uint32_t y = range.y0; y < range.y1; ++y)
+    for (std::uint32_t x = range.x0; x < range.x1; ++x) {
+      film_.at(x, y).merge(*sum++);
+      if (!features_.empty())
+        features_[std::size_t{y - job_.frame.y0} * job_.frame.crop_width() + (x - job_.frame.x0)].merge(*feature++);
+    }
+}
+
 void ManagerCore::merge(const Outstanding& o, wire::RendererReply& r) {
   const RendererRange& range = o.range;
   const FilmFrame& f = job_.frame;
-  auto sum = r.sums.begin();
-  for (std::uint32_t y = range.y0; y < range.y1; ++y)
-    for (std::uint32_t x = range.x0; x < range.x1; ++x) film_.at(x, y).merge(*sum++);
+  merge(range, r.sums, r.features);
   progress_.invalid_samples += r.invalid;
   progress_.clamped_samples += r.clamped;
   const SampleRange samples{range.sample_begin, range.sample_end};
@@ -358,7 +373,8 @@ void ManagerCore::merge(const Outstanding& o, wire::RendererReply& r) {
                        r.invalid,
                        r.clamped,
                        bit_exact_,
-                       std::move(r.sums)});
+                       std::move(r.sums),
+                       std::move(r.features)});
 }
 
 bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }

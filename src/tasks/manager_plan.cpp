@@ -17,12 +17,12 @@ bool can_be_answered(const std::string& feature) {
   return feature == kFeatureTriangles || feature == kFeatureAlpha || feature == kFeatureInstances;
 }
 
-bool has_feature(const wire::Hello& hello, const std::string& feature) {
+}  // namespace
+
+bool ManagerCore::has_feature(const wire::Hello& hello, const std::string& feature) {
   const auto& all = hello.features();
   return all.empty() || std::find(all.begin(), all.end(), feature) != all.end();
 }
-
-}  // namespace
 
 // How often rays come to every part: what was expected before the frame, until so many have been counted that they
 // speak for themselves.

@@ -4,6 +4,7 @@
 // simulation and the real drivers share.
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -37,12 +38,13 @@ struct ParkedAsks {
 };
 
 // The samples of a renderer task that have arrived: a bit each, and exact sums. A sample counts
-// once.
+// once. In jobs with features it is complete when its path has told all (or that there is nothing), in any order.
 class RendererLedger {
  public:
-  RendererLedger(const RendererRange& range, std::uint32_t film_width);
+  RendererLedger(const RendererRange& range, std::uint32_t film_width, bool features = false);
   enum class Outcome { counted, duplicate, foreign };
   Outcome record(const PathEnd& end);
+  Outcome record(const PathFeatures& features);
   const RendererRange& range() const { return range_; }
   std::uint64_t remaining() const { return remaining_; }
   // Runs [first, first + count) of path numbers (in the order of PathEngine::camera) that have not
@@ -54,11 +56,20 @@ class RendererLedger {
   wire::RendererReply reply() &&;  // consumes the sums
 
  private:
+  struct Place {
+    std::size_t pixel, sample;
+  };
+  std::optional<Place> place(std::uint32_t task, std::uint32_t pixel, std::uint32_t sample) const;
+  void complete(const Place& at);
+  void arrived(const Place& at, std::uint8_t what);
+
   RendererRange range_;
   std::uint32_t film_width_;
   std::uint64_t remaining_;
   std::vector<std::uint64_t> bits_;
   std::vector<PixelSums> sums_;
+  std::vector<std::uint8_t> arrived_;  // by sample, in jobs with features: kTellsHit, kTellsSurface, kEnded
+  std::vector<PixelFeatures> features_;
   std::uint64_t invalid_ = 0, clamped_ = 0;
 };
 using Ledgers = std::unordered_map<std::uint32_t, RendererLedger>;  // by renderer task number
@@ -109,7 +120,7 @@ struct ResolveWork {  // intersection: answers to our asks
 };
 struct CollectWork {  // renderer: record path ends. One at a time: it holds the ledgers.
   Ledgers ledgers;
-  std::vector<std::vector<PathEnd>> ends;
+  std::vector<EndBatch> ends;
   std::vector<RendererRange> opened;  // renderer tasks that are new since
   bool list_missing = false;          // a host was lost: say what is to be made again
 };
@@ -140,6 +151,7 @@ struct Work {
   RoutingPtr routing;                 // never null for work that needs it
   std::uint64_t job = 0;
   std::uint32_t film_width = 0;
+  bool features = false;
   double taken = 0;              // clock at take()
   std::size_t segments() const;  // size for load and speed
 };
@@ -171,7 +183,7 @@ struct WorkResult {
   std::vector<LeavingAsks> asks;
   std::vector<PagedSegments> paged;
   std::vector<PagedAsks> paged_asks;
-  std::vector<std::pair<HostId, std::vector<PathEnd>>> ends;  // by owner
+  std::vector<std::pair<HostId, EndBatch>> ends;  // by owner
   std::vector<std::pair<HostId, wire::Reply>> replies;
   RayCounts counts;
   std::vector<std::uint64_t> visits;  // TraceWork, by part: rays with their nearest hit there, or that go on to it

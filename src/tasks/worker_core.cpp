@@ -403,7 +403,7 @@ void WorkerCore::handle(HostId from, wire::Reply& m) {
 
 void WorkerCore::handle(HostId, wire::PathEnds& m) {
   if (!job_) return void(++dropped_);
-  own_ends_.push_back(std::move(m.ends));  // of any generation: a sample is the same in all of them
+  own_ends_.push_back(std::move(m.batch));  // of any generation: a sample is the same in all of them
 }
 
 }  // namespace cloudrenderer

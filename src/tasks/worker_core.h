@@ -116,7 +116,7 @@ class WorkerCore {
     std::size_t ask_count = 0;
     double asks_since = 0;
     std::uint32_t ask_blocks_out = 0;
-    std::vector<PathEnd> ends;
+    EndBatch ends;
     double ends_since = 0;
     Uuid segment_task, ask_task;  // in state submitting while something gathers
   };
@@ -184,7 +184,7 @@ class WorkerCore {
   void ready_resolve(Uuid id, ResolveWork::Answered answered, std::size_t count);
   void gather(HostId to, KeptSegments kept);
   void gather(HostId to, ParkedAsks asks);
-  void gather_ends(HostId to, std::vector<PathEnd> ends);
+  void gather_ends(HostId to, EndBatch ends);
   void flush(HostId to, Gather& g);
   void flush_all();
   void send_segments(HostId to, Gather& g);
@@ -292,7 +292,7 @@ class WorkerCore {
   bool collecting_ = false;    // a thread has the ledgers
   bool list_missing_ = false;  // to be asked of the next collection
   bool remaking_ = false;      // until it has answered no camera rays are made
-  std::vector<std::vector<PathEnd>> own_ends_;
+  std::vector<EndBatch> own_ends_;
   std::vector<RendererRange> opened_;
 
   std::size_t queued_ = 0, kept_ = 0, running_ = 0;

@@ -124,7 +124,7 @@ void WorkerCore::gather(HostId to, ParkedAsks asks) {
   g.ask_count += n;
 }
 
-void WorkerCore::gather_ends(HostId to, std::vector<PathEnd> ends) {
+void WorkerCore::gather_ends(HostId to, EndBatch ends) {
   if (ends.empty()) return;
   if (to == self_) {
     own_ends_.push_back(std::move(ends));
@@ -135,7 +135,8 @@ void WorkerCore::gather_ends(HostId to, std::vector<PathEnd> ends) {
     g.ends_since = now_;
     g.ends = std::move(ends);
   } else {
-    g.ends.insert(g.ends.end(), ends.begin(), ends.end());
+    g.ends.ends.insert(g.ends.ends.end(), ends.ends.begin(), ends.ends.end());
+    g.ends.features.insert(g.ends.features.end(), ends.features.begin(), ends.features.end());
   }
 }
 

@@ -54,6 +54,7 @@ Work WorkerCore::base_work(double now) {
   work.routing = routing_;
   work.job = job_ ? job_->job() : 0;
   work.film_width = job_ ? job_->width() : 0;
+  work.features = job_ && job_->features();
   work.taken = now;
   return work;
 }

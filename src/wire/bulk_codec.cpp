@@ -43,7 +43,8 @@ std::uint32_t width_of(const Int128& v) {
 // The bits of all values in one word: its width is the width of the widest.
 struct WidthScan {
   std::uint64_t bits = 0;
-  void add(const Fixed3& v) {
+  template <class Values>
+  void add(const Values& v) {
     for (std::int64_t c : v) bits |= static_cast<std::uint64_t>(c < 0 ? ~c : c);
   }
   std::uint32_t bytes() const {
@@ -53,6 +54,12 @@ struct WidthScan {
 
 std::size_t ray_bytes(const SubmitControl& c) { return sizeof(OcclusionRay) + (c.times() ? sizeof(float) : 0); }
 std::size_t end_bytes(std::size_t radiance_bytes) { return 16 + 3 * radiance_bytes; }
+std::size_t features_bytes(std::size_t value_bytes) { return 16 + 4 * kFeatureIds + kFeatureNumbers * value_bytes; }
+// Of a pixel in the reply of a renderer task.
+std::size_t sums_bytes(const ReplyControl& c) {
+  return 8 + 6 * std::size_t{c.sum_bytes()} +
+         (c.feature_bytes() ? 8 + 4 * kFeatureIds + kFeatureNumbers * std::size_t{c.feature_bytes()} : 0);
+}
 std::size_t miss_bytes(const ReplyControl& c) { return c.windows() ? 10 : 8; }
 
 template <class F>
@@ -215,6 +222,12 @@ ReplyControl control_of(const Reply& m) {
     c.set_count(static_cast<std::uint32_t>(renderer.sums.size()));
     c.set_task(renderer.task);
     c.set_sum_bytes(width);
+    if (!renderer.features.empty()) {
+      width = 1;
+      for (const PixelFeatures& p : renderer.features)
+        for (const Int128& v : p.sum) width = std::max(width, width_of(v));
+      c.set_feature_bytes(width);
+    }
     c.set_invalid(renderer.invalid);
     c.set_clamped(renderer.clamped);
   }
@@ -223,11 +236,17 @@ ReplyControl control_of(const Reply& m) {
 
 EndsControl control_of(const PathEnds& m) {
   WidthScan scan;
-  for (const PathEnd& e : m.ends) scan.add(e.radiance);
+  for (const PathEnd& e : m.batch.ends) scan.add(e.radiance);
   EndsControl c;
   c.set_generation(m.generation);
-  c.set_count(static_cast<std::uint32_t>(m.ends.size()));
+  c.set_count(static_cast<std::uint32_t>(m.batch.ends.size()));
   c.set_radiance_bytes(scan.bytes());
+  if (!m.batch.features.empty()) {
+    WidthScan values;
+    for (const PathFeatures& f : m.batch.features) values.add(f.values);
+    c.set_features(static_cast<std::uint32_t>(m.batch.features.size()));
+    c.set_feature_bytes(values.bytes());
+  }
   return c;
 }
 
@@ -249,11 +268,11 @@ std::size_t bulk_bytes(const Reply&, const ReplyControl& c) {
     case INTERSECTION:
       return 8 * words(c.count()) + (c.nearest() ? hit_bytes(c) * c.hits() : 0);
     default:
-      return c.count() * (8 + 6 * std::size_t{c.sum_bytes()});
+      return c.count() * sums_bytes(c);
   }
 }
 std::size_t bulk_bytes(const PathEnds&, const EndsControl& c) {
-  return c.count() * end_bytes(c.radiance_bytes());
+  return c.count() * end_bytes(c.radiance_bytes()) + c.features() * features_bytes(c.feature_bytes());
 }
 
 void write_bulk(const SubmitTask& m, const SubmitControl& c, std::span<std::byte> out) {
@@ -318,18 +337,32 @@ void write_bulk(const Reply& m, const ReplyControl& c, std::span<std::byte> out)
     for (const PixelSums& p : renderer->sums)
       for (const auto& half : p.sum)
         for (const Int128& v : half) w.put_low(&v, c.sum_bytes());
+    for (const PixelFeatures& p : renderer->features) {
+      w.put(p.samples);
+      w.put(p.hits);
+      w.put(p.ids);
+    }
+    for (const PixelFeatures& p : renderer->features)
+      for (const Int128& v : p.sum) w.put_low(&v, c.feature_bytes());
   }
 }
 
 void write_bulk(const PathEnds& m, const EndsControl& c, std::span<std::byte> out) {
   ColumnWriter w(out);
-  for (const PathEnd& e : m.ends) w.put(e.task);
-  for (const PathEnd& e : m.ends) w.put(e.pixel);
-  for (const PathEnd& e : m.ends) w.put(e.sample);
-  for (const PathEnd& e : m.ends) w.put(e.owner);
-  for (const PathEnd& e : m.ends) w.put(e.flags);
-  for (const PathEnd& e : m.ends)
+  const auto put_whose = [&](const auto& list) {
+    for (const auto& e : list) w.put(e.task);
+    for (const auto& e : list) w.put(e.pixel);
+    for (const auto& e : list) w.put(e.sample);
+    for (const auto& e : list) w.put(e.owner);
+    for (const auto& e : list) w.put(e.flags);
+  };
+  put_whose(m.batch.ends);
+  for (const PathEnd& e : m.batch.ends)
     for (const std::int64_t& r : e.radiance) w.put_low(&r, c.radiance_bytes());
+  put_whose(m.batch.features);
+  for (const PathFeatures& f : m.batch.features) w.put(f.ids);
+  for (const PathFeatures& f : m.batch.features)
+    for (const std::int64_t& v : f.values) w.put_low(&v, c.feature_bytes());
 }
 
 Result<Message> read_submit(const SubmitControl& c, std::span<const std::byte> bulk) {
@@ -397,7 +430,7 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
     m.payload = std::move(r);
   } else if (c.category() == RENDERER) {
     const std::size_t w = c.sum_bytes();
-    if (w < 1 || w > 16 || n > kMaxTaskPixels || bulk.size() != n * (8 + 6 * w))
+    if (w < 1 || w > 16 || c.feature_bytes() > 16 || n > kMaxTaskPixels || bulk.size() != n * sums_bytes(c))
       return failure("pixel sums have the wrong length");
     RendererReply r;
     r.task = c.task();
@@ -409,6 +442,16 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
     for (PixelSums& p : r.sums)
       for (auto& half : p.sum)
         for (Int128& v : half) v = in.get_int128(w);
+    if (const std::size_t v = c.feature_bytes(); v != 0) {
+      r.features.resize(n);
+      for (PixelFeatures& p : r.features) {
+        in.get(p.samples);
+        in.get(p.hits);
+        in.get(p.ids);
+      }
+      for (PixelFeatures& p : r.features)
+        for (Int128& sum : p.sum) sum = in.get_int128(v);
+    }
     m.payload = std::move(r);
   } else {
     return failure("tasks of this category are not replied");
@@ -418,19 +461,29 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
 
 Result<Message> read_ends(const EndsControl& c, std::span<const std::byte> bulk) {
   const std::size_t n = c.count(), w = c.radiance_bytes();
-  if (w < 1 || w > 8 || n == 0 || bulk.size() != n * end_bytes(w))
+  const std::size_t told = c.features(), v = c.feature_bytes();
+  if (w < 1 || w > 8 || n + told == 0 || (told != 0 && (v < 1 || v > 8)) ||
+      bulk.size() != n * end_bytes(w) + told * features_bytes(v))
     return failure("path ends have the wrong length");
   PathEnds m;
   m.generation = c.generation();
-  m.ends.resize(n);
+  m.batch.ends.resize(n);
+  m.batch.features.resize(told);
   ColumnReader in(bulk);
-  for (PathEnd& e : m.ends) in.get(e.task);
-  for (PathEnd& e : m.ends) in.get(e.pixel);
-  for (PathEnd& e : m.ends) in.get(e.sample);
-  for (PathEnd& e : m.ends) in.get(e.owner);
-  for (PathEnd& e : m.ends) in.get(e.flags);
-  for (PathEnd& e : m.ends)
+  const auto get_whose = [&](auto& list) {
+    for (auto& e : list) in.get(e.task);
+    for (auto& e : list) in.get(e.pixel);
+    for (auto& e : list) in.get(e.sample);
+    for (auto& e : list) in.get(e.owner);
+    for (auto& e : list) in.get(e.flags);
+  };
+  get_whose(m.batch.ends);
+  for (PathEnd& e : m.batch.ends)
     for (auto& r : e.radiance) r = in.get_int(w);
+  get_whose(m.batch.features);
+  for (PathFeatures& f : m.batch.features) in.get(f.ids);
+  for (PathFeatures& f : m.batch.features)
+    for (auto& value : f.values) value = in.get_int(v);
   return Message(std::move(m));
 }
 

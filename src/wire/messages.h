@@ -94,6 +94,7 @@ struct RendererReply {
   std::uint32_t task = 0;
   std::vector<PixelSums> sums;             // row by row over the task's tile
   std::uint64_t invalid = 0, clamped = 0;  // samples
+  std::vector<PixelFeatures> features{};   // likewise, in jobs with features
 };
 struct Refusal {};  // "not a holder at your epoch": nothing was done
 
@@ -106,7 +107,7 @@ struct Reply {
 // Ends of paths, to the owner of their renderer tasks. Not answered.
 struct PathEnds {
   std::uint32_t generation = 0;
-  std::vector<PathEnd> ends;
+  EndBatch batch;
 };
 
 using Message =

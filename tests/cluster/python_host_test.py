@@ -25,16 +25,16 @@ class PythonHost(support.ClusterTest):
         self.processes.append(process)
         return process
 
-    def start_cluster(self, split, memory, spp, *options):
+    def start_cluster(self, split, memory, spp, *options, tls=()):
         port, first, second = support.free_ports(3)
         self.token = self.folder / "token"
         self.token.write_text("a secret\n")
         given = ("--token-file", self.token)
         manager = self.start_manager(split, self.folder / "with-python.exr", port, "--min-hosts", 3, "--spp", spp, "--resolution",
-                                     SIZE, "--quiet", *given, *options)
-        python = self.start_python(port, memory, *given)
+                                     SIZE, "--quiet", *given, *tls, *options)
+        python = self.start_python(port, memory, *given, *tls)
         for name, listen in (("one", first), ("two", second)):
-            self.start_worker(name, port, listen, memory, *given)
+            self.start_worker(name, port, listen, memory, *given, *tls)
         return manager, python
 
     def compare(self, wanted):
@@ -60,6 +60,39 @@ class PythonHost(support.ClusterTest):
         self.assertGreater(hosts["python"]["tasks"]["intersection"], 0)
         self.assertEqual(hosts["python"]["tasks"]["renderer"], 0)
         self.assertEqual(sum(h["lost"] for h in report["hosts"]), 0, self.logs())
+
+    def test_over_tls(self):
+        split = self.split()
+        _, one = self.render("one-host", split, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
+        memory = int(one["hosts"][0]["memory_peak"] * 0.45)
+        manager, python = self.start_cluster(split, memory, SPP, tls=("--tls", "on"))
+        self.assertEqual(manager.wait(60), 0, self.logs())
+        self.assertEqual(python.wait(10), 0, self.logs())
+        self.compare(self.folder / "one-host.exr")
+        hosts = {h["name"]: h for h in support.json_of(self.folder / "report.json")["hosts"]}
+        self.assertGreater(hosts["python"]["tasks"]["intersection"], 0)  # asked by hosts over connections of their own
+
+    def test_a_proof_holds_for_one_channel_only(self):
+        """Who decrypts in between and passes the messages on proves nothing."""
+        port, between = support.free_ports(2)
+        (self.folder / "token").write_text("a secret")
+        given = ("--token-file", self.folder / "token", "--tls", "on")
+        manager = self.start_manager(support.SCENE, self.folder / "out.exr", port, *given)
+        relay = support.Process("relay", [support.ROOT / "tests" / "cluster" / "tls_relay.py", FOLDER, between, port], self.folder, self.mark,
+                                program=PYTHON)
+        self.processes.append(relay)
+        self.assertTrue(support.wait_until_listening(between), relay.text())
+        python = self.start_python(between, 1 << 30, *given, "--wait", 2)
+        self.assertEqual(python.wait(20), 4, self.logs())
+        self.assertTrue(self.wait_for_text(manager, "does not know the cluster's secret"), self.logs())
+        self.assertNotIn("this is host", python.text())
+
+    def test_without_tls_where_it_is_asked_for(self):
+        port, = support.free_ports(1)
+        manager = self.start_manager(support.SCENE, self.folder / "out.exr", port, "--tls", "on")
+        python = self.start_python(port, 1 << 30, "--tls", "off", "--wait", 1)
+        self.assertEqual(python.wait(20), 4, self.logs())
+        self.assertIn("does not speak TLS", manager.text())
 
     def test_it_leaves_when_asked_to(self):
         split = self.split()

@@ -148,7 +148,7 @@ std::vector<std::pair<std::string, wire::Message>> messages() {
   std::get<wire::OcclusionBlock>(nearest.payload).nearest = true;
   wire::PathEnds ends;
   ends.generation = 1;
-  ends.ends.resize(3);
+  ends.batch.ends.resize(3);
   return {{"challenge", challenge},
           {"proof", wire::Proof()},
           {"hello", hello(7)},

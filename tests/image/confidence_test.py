@@ -1,7 +1,10 @@
 """Does the confidence interval of the report hold the true relMSE? Many seeds of five small scenes, each against a picture
 of our own with many times the samples and another seed; prints how many of them it holds.
 
-confidence_test.py PROGRAM [--runs N] [--threads N] [SCENE...]"""
+confidence_test.py PROGRAM [--runs N] [--threads N] [--stopped SHARE] [SCENE...]
+
+With --stopped the runs end by --max-error, at SHARE of what they would have with 16 samples: who stops at the first good
+look takes a lucky one, and the interval must be right all the same."""
 import argparse
 import pathlib
 import sys
@@ -14,6 +17,7 @@ import measure  # noqa: E402
 SCENES = [ROOT / "scenes" / "killeroo" / "killeroo-path.pbrt", ROOT / "scenes" / "cornell-box" / "cornell-small.pbrt",
           *(ROOT / "tests" / "image" / "scenes" / f"{name}.pbrt" for name in ("motion", "curves", "disk-light"))]
 SPP = 16
+MOST = 64 * SPP  # of a pixel, where the error ends a run
 REFERENCE_SEED = 1_000_000
 PROMISED = 0.9
 
@@ -29,11 +33,20 @@ def held(arguments, scene, folder):
     measure.run([arguments.program, "split", scene, "-o", split], check=True)
     reference, journal = folder / "reference.exr", folder / f"{scene.stem}.ckpt"
     # In two steps, so that the textures of the reference are filtered for as many samples as those of the runs.
-    for spp, more in ((SPP, ()), (SPP * arguments.factor, ("--resume",))):
+    first = MOST if arguments.stopped else SPP
+    for spp, more in ((first, ()), (SPP * arguments.factor, ("--resume",))):
         render(arguments, split, REFERENCE_SEED, spp, reference, "--checkpoint", journal, *more)
-    inside, below, above, widths = 0, 0, 0, []
+    ends, spp = (), SPP
+    if arguments.stopped:
+        error = render(arguments, split, REFERENCE_SEED + 1, SPP, folder / "picture.exr", report=True).report["error"]
+        ends, spp = ("--max-error", f"{arguments.stopped * error['estimated_relmse']:.3g}"), MOST
+    inside, below, above, widths, samples = 0, 0, 0, [], []
     for seed in range(1, arguments.runs + 1):
-        error = render(arguments, split, seed, SPP, folder / "picture.exr", "--reference", reference, report=True).report["error"]
+        report = render(arguments, split, seed, spp, folder / "picture.exr", "--reference", reference, *ends, report=True).report
+        error = report["error"]
+        if arguments.stopped and error["estimated_relmse_high"] > float(ends[1]):
+            sys.exit(f"{scene.stem}, seed {seed}: --max-error {ends[1]} was not met")
+        samples.append(report["paths"] / report["width"] / report["height"])
         low, high, true = error["estimated_relmse_low"], error["estimated_relmse_high"], error["relmse"]
         if not low <= error["estimated_relmse"] <= high:
             sys.exit(f"{scene.stem}, seed {seed}: the estimate {error['estimated_relmse']} is outside of its interval [{low}, {high}]")
@@ -42,7 +55,7 @@ def held(arguments, scene, folder):
         above += true > high
         widths.append((high - low) / max(error["estimated_relmse"], 1e-30))
     print(f"{scene.stem:16s} {inside:3d} of {arguments.runs} runs; true relMSE below the interval {below}, above {above}; "
-          f"the interval is {sum(widths) / len(widths):.2f} of the estimate wide", flush=True)
+          f"the interval is {sum(widths) / len(widths):.2f} of the estimate wide; {sum(samples) / len(samples):.0f} samples", flush=True)
     return inside
 
 
@@ -53,6 +66,7 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--resolution", default="32x32")
     parser.add_argument("--factor", type=int, default=64, help="samples of the reference for each of a run")
+    parser.add_argument("--stopped", type=float, default=0, metavar="SHARE")
     parser.add_argument("scenes", nargs="*", type=pathlib.Path, default=SCENES)
     arguments = parser.parse_args()
     results = {}

@@ -5,30 +5,13 @@
 #include <stdexcept>
 
 #include "cluster_node.h"
+#include "reference.h"
 
 namespace cloudrenderer::sim {
 namespace {
 
 constexpr double kEndOfTime = 600;  // virtual seconds: a run that is not done by then never will be
 constexpr std::size_t kOrders = 200;  // frames that say neither block nor end: maps, loads, heartbeats
-
-// What every path brings home: pixel * spp + sample.
-std::vector<PathEnd> reference(const Scenario& s) {
-  MadeUpEngine engine(s.scene);
-  for (std::uint32_t p = 0; p < s.scene.parts; ++p) engine.resident.insert(p);
-  std::vector<PathEnd> paths(std::size_t{s.scene.width} * s.height * s.spp);
-  SegmentBatch batch;
-  engine.camera({0, 0, 0, s.scene.width, s.height, 0, s.spp}, 1, 0, paths.size(), batch.segments);
-  while (!batch.segments.empty()) {
-    batch.hits.clear();
-    engine.trace(batch);
-    ShadeOutput out;
-    engine.shade(batch, out);
-    for (const PathEnd& e : out.ended) paths[std::size_t{e.pixel} * s.spp + e.sample] = e;
-    batch.segments = std::move(out.continuing);
-  }
-  return paths;
-}
 
 class Simulation {
  public:
@@ -103,6 +86,7 @@ class Simulation {
     j.start.set_y1(s_.height);
     j.start.set_spp(s_.spp);
     j.start.set_columns(wire::kAllColumns);
+    j.start.set_features(s_.scene.features);
     return j;
   }
 
@@ -113,6 +97,7 @@ class Simulation {
       CheckpointJob j;
       j.frame = job().frame;
       j.tile = manager_.tile_size();
+      j.features = s_.scene.features;
       journal_ = encode_header(j);
     }
     for (const TileSums& t : merged) encode_record(t, header_checksum(journal_), journal_);
@@ -403,8 +388,9 @@ class Simulation {
   }
   // Of every pixel exactly the samples that the manager says it has, each once.
   void check_film() {
-    const auto paths = reference(s_);
+    const auto [paths, told] = reference(s_);
     std::vector<PixelSums> expected(std::size_t{s_.scene.width} * s_.height);
+    std::vector<PixelFeatures> features(s_.scene.features ? expected.size() : 0);
     std::uint64_t samples = 0;
     for (std::size_t t = 0; t < manager_.tiles(); ++t) {
       const auto tile = manager_.tile_sums(t);
@@ -416,6 +402,7 @@ class Simulation {
               const std::size_t pixel = std::size_t{y} * s_.scene.width + x;
               const PathEnd& e = paths[pixel * s_.spp + i];
               if (!(e.flags & kEndInvalid)) expected[pixel].add(e.radiance, i);
+              if (!told.empty()) features[pixel].merge(told[pixel * s_.spp + i]);
             }
     }
     if (samples != manager_.progress().paths_done) return fail("paths are counted wrongly");
@@ -423,6 +410,7 @@ class Simulation {
     for (std::size_t i = 0; i < expected.size(); ++i)
       if (expected[i].count != got[i].count || expected[i].sum != got[i].sum)
         return fail("pixel " + std::to_string(i) + " differs");
+    if (features != manager_.features()) fail("what paths saw differs");
   }
   // It has all that the film has.
   void check_journal() {

@@ -22,6 +22,7 @@ struct MadeUpScene {
   std::uint32_t width = 8;
   std::uint32_t longest_list = 6;  // candidates of a ray at most
   std::uint32_t vertices = 5;      // of a path at most
+  bool features = false;           // paths tell what they see
 };
 
 class MadeUpEngine final : public PathEngine {
@@ -184,7 +185,8 @@ class MadeUpEngine final : public PathEngine {
     n.tested = 0;
     n.window = 0;
     n.best = {};
-    n.flags = 0;
+    n.flags = s.flags & (kHitTold | kSurfaceTold);
+    if (scene_.features && hit.part != 0xffffffffu) tell(n, mix64(key + 20), out);
     for (std::size_t c = 0; c < 3; ++c)
       n.radiance[c] += static_cast<std::int64_t>(mix64(key + c) >> 40) - (1 << 20);
     ++out.counts.bounce;
@@ -197,11 +199,28 @@ class MadeUpEngine final : public PathEngine {
     std::uint16_t flags = 0;
     if (ends && mix64(key + 11) % 512 == 0) flags |= kEndInvalid;
     if (ends && mix64(key + 12) % 256 == 0) flags |= kEndClamped;
+    if (ends && scene_.features) {
+      if (!(n.flags & kHitTold)) flags |= kEndWithoutHit;
+      if (!(n.flags & kSurfaceTold)) flags |= kEndWithoutSurface;
+    }
     if (!escaped && mix64(key + 13) % 2 == 0 && asks(n, key, ends, flags, out)) return;
     if (ends)
       out.ended.push_back({n.task, n.pixel, n.sample, n.owner, flags, n.radiance});
     else
       out.continuing.push_back(n);
+  }
+
+  // All at once, the hit first, or nothing yet.
+  static void tell(PathSegment& n, std::uint64_t h, ShadeOutput& out) {
+    const bool hit = !(n.flags & kHitTold) && h % 4 != 0;
+    const bool surface = !(n.flags & kSurfaceTold) && (hit || (n.flags & kHitTold)) && h % 4 >= 2;
+    if (!hit && !surface) return;
+    PathFeatures f{n.task, n.pixel, n.sample, n.owner, 0, {}, {}};
+    f.flags = static_cast<std::uint16_t>((hit ? kTellsHit : 0) | (surface ? kTellsSurface : 0));
+    n.flags = static_cast<std::uint16_t>(n.flags | (hit ? kHitTold : 0) | (surface ? kSurfaceTold : 0));
+    for (std::size_t i = 0; i < f.values.size(); ++i) f.values[i] = static_cast<std::int64_t>(mix64(h + i)) >> 30;
+    if (hit) f.ids = {static_cast<std::uint32_t>(h >> 40) + 1, 2, 3};
+    out.features.push_back(f);
   }
 
   // One shadow ray: true if other hosts must be asked, and the path is parked.
@@ -231,7 +250,7 @@ class MadeUpEngine final : public PathEngine {
     ask.contribution = contribution;
     out.ask_parts.insert(out.ask_parts.end(), open.begin(), open.end());
     out.asks.push_back(ask);
-    out.parked.push_back({n, ends, (flags & kEndInvalid) != 0, (flags & kEndClamped) != 0});
+    out.parked.push_back({n, ends, flags});
     return true;
   }
 

@@ -71,6 +71,7 @@ Scenario random_scenario(std::uint64_t seed) {
   s.worker.paging_credits = s.worker.path_credits * d.between(1, 4);
   if (d.chance(0.2)) s.memory = 10 + (kPartBytes + 20) * d.between(1, 1 + s.scene.parts / s.hosts / 2);
   if (d.chance(0.25)) s.intersectors = d.between(1, 3);
+  s.scene.features = d.chance(0.3);
   return s;
 }
 

@@ -90,11 +90,17 @@ async def read_frame(reader):
 
 def proof(secret, role, nonce):
     """role: "connects" or "accepts", of who proves."""
-    return hmac.digest(secret.encode(), role.encode() + nonce, hashlib.sha256) if secret else b""
+    return hmac.digest(secret, role.encode() + nonce, hashlib.sha256) if secret else b""
 
 
-async def greet(reader, writer, role, secret):
+def key(secret, binding):
+    """Of proofs; `binding`: keying material of an encrypted channel, to which they are bound, or b""."""
+    return hmac.digest(secret.encode(), b"tls-exporter" + binding, hashlib.sha256) if secret and binding else secret.encode()
+
+
+async def greet(reader, writer, role, secret, binding=b""):
     """Both ends prove that they know the secret."""
+    secret = key(secret, binding)
     nonce = secrets.token_bytes(32)
     writer.write(frame(encode("Challenge", pb.Challenge(nonce=nonce))))
     other = "accepts" if role == "connects" else "connects"

@@ -3,7 +3,7 @@
 
 Written from src/wire/README.md and src/parts/README.md. Run tools/python_host/prepare.sh first; it prints the python to
 use. Such a host computes other bits than the C++ ones, says so (fingerprint 0, allow_inexact), and the report says
-bit_exact: false. No TLS: Python's ssl module gives no keying material of a channel (RFC 9266) to bind the proof to.
+bit_exact: false.
 """
 import argparse
 import asyncio
@@ -22,6 +22,7 @@ import frames
 from frames import Link, Manifest, WireError, pb
 from intersect import Hits, Part, bits, occluded
 from part_file import PartError
+from tls import Tls
 
 CATEGORIES = [pb.LOADER, pb.UNLOADER, pb.INTERSECTION]
 FEATURES = ["triangles"]
@@ -82,7 +83,7 @@ class Peer:
 
 class Host:
     def __init__(self, options, token):
-        self.options, self.token = options, token
+        self.options, self.token, self.tls = options, token, Tls(options.tls)
         self.incarnation = secrets.randbits(63) | 1
         self.manager, self.number = None, 0
         self.heartbeat = 0.5
@@ -126,7 +127,7 @@ class Host:
         while not self.over.is_set():
             try:
                 reader, writer = await asyncio.open_connection(host, int(port))
-                await self.meet_manager(reader, writer)
+                reader = await self.meet_manager(reader, writer)
                 patience = None
                 await self.listen_to(self.manager, reader)
             except (OSError, asyncio.IncompleteReadError, WireError) as e:
@@ -141,7 +142,8 @@ class Host:
             await asyncio.sleep(0.2)
 
     async def meet_manager(self, reader, writer):
-        await frames.greet(reader, writer, "connects", self.token)
+        reader, writer, binding = await self.tls.opened(reader, writer, server=False)
+        await frames.greet(reader, writer, "connects", self.token, binding)
         hello = pb.Hello(protocol=frames.VERSION, incarnation=self.incarnation, name=self.options.name, listen=self.address,
                          memory=self.options.memory, threads=1, categories=CATEGORIES, features=FEATURES,
                          instruction_set="embreex", fingerprint=0, allow_inexact=True, version="python_host")
@@ -159,6 +161,7 @@ class Host:
             self.manager = Peer(0, self.incarnation, answer.control.incarnation)
             say(f"this is host {self.number}")
         self.manager.attach(writer)
+        return reader
 
     async def listen_to(self, peer, reader):
         while True:
@@ -172,7 +175,8 @@ class Host:
 
     async def meet_peer(self, reader, writer, role):
         """The peer is known only by what it says of itself."""
-        await frames.greet(reader, writer, role, self.token)
+        reader, writer, binding = await self.tls.opened(reader, writer, server=role == "accepts")
+        await frames.greet(reader, writer, role, self.token, binding)
         hello = pb.PeerHello(protocol=frames.VERSION, host=self.number, incarnation=self.incarnation)
         writer.write(frames.frame(frames.encode("PeerHello", hello)))
         _, payload = await frames.read_frame(reader)
@@ -452,6 +456,7 @@ def main():
     parser.add_argument("--memory", type=int, default=1 << 30, metavar="BYTES", help="of parts")
     parser.add_argument("--name", default="python")
     parser.add_argument("--token-file", metavar="FILE", help="else of the environment: CLOUDRENDERER_TOKEN")
+    parser.add_argument("--tls", choices=("auto", "on", "off"), default="auto", help="auto: on connections that leave this machine")
     parser.add_argument("--wait", type=float, default=30, metavar="SECONDS", help="for a manager")
     parser.add_argument("--allow-inexact", action="store_true", help="as every host of this kind does")
     options = parser.parse_args()

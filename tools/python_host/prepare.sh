@@ -6,11 +6,11 @@ root=$(cd "$(dirname "$0")/../.." && pwd)
 made=$root/build/python_host
 mkdir -p "$made/generated"
 # Python code made by protoc 3.21 (Debian 12) goes with version 4 of the Python package.
-if ! "$made/venv/bin/python" -c 'import embreex, google.protobuf, numpy, xxhash' 2>/dev/null; then
+if ! "$made/venv/bin/python" -c 'import embreex, google.protobuf, numpy, OpenSSL, xxhash' 2>/dev/null; then
   {
     /usr/bin/python3 -m venv "$made/venv" &&
       timeout 240 "$made/venv/bin/python" -m pip install -q --disable-pip-version-check \
-        'embreex>=4.4' numpy 'protobuf>=4.21,<5' xxhash
+        'embreex>=4.4' numpy 'protobuf>=4.21,<5' pyopenssl xxhash
   } >&2 || { echo "embreex cannot be installed from PyPI here" >&2; exit 77; }
 fi
 command -v protoc >/dev/null || { echo "protoc is missing (Debian: protobuf-compiler)" >&2; exit 77; }
