@@ -38,6 +38,8 @@ struct ManagerOptions {
   std::uint32_t round_samples = 16;  // samples per pixel of a round; rounds follow each other
   bool hold_rounds = false;          // a round starts only after next_round()
   double task_seconds = 5;           // of work at most
+  std::uint32_t smallest_tile = 8;   // pixels: many hosts make tiles smaller, but not than this
+  std::uint64_t smallest_task = 512;  // paths; less is not worth a message
   std::uint32_t first_generation = 1;
   bool allow_inexact = false;
   // How long to wait for more hosts when the scene does not fit those that are there; then the job

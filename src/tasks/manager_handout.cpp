@@ -7,7 +7,6 @@
 namespace cloudrenderer {
 namespace {
 
-constexpr std::uint64_t kSmallestTask = 512;  // paths; less is not worth a message
 constexpr std::uint64_t kDefaultCredits = 131072;
 constexpr std::uint64_t kMostCredits = std::uint64_t{1} << 40;  // believed
 constexpr std::uint32_t kTasksPerHost = 8;                      // at least, by the size of tiles
@@ -34,7 +33,7 @@ void ManagerCore::begin_rendering(double now) {
       std::uint64_t{kTasksPerHost} * std::max<std::size_t>(hosts_.size(), options_.min_hosts);
   for (std::uint32_t tile = options_.tile; options_.fixed_tile == 0; tile /= 2) {
     set_tile(tile);
-    if (tile <= 8 || std::uint64_t{covered_.size()} * rounds() >= wanted) break;
+    if (tile <= options_.smallest_tile || std::uint64_t{covered_.size()} * rounds() >= wanted) break;
   }
   if (options_.hold_rounds) begin_held_rounds();
   advance_cursor();
@@ -182,7 +181,7 @@ std::uint64_t ManagerCore::task_paths(const Host& h, double share) const {
     paths = std::min(paths,
                      static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
   const double rest = share * static_cast<double>(unassigned_paths_);
-  return std::min(paths, std::max(kSmallestTask, static_cast<std::uint64_t>(rest / 4)));
+  return std::min(paths, std::max(options_.smallest_task, static_cast<std::uint64_t>(rest / 4)));
 }
 
 void ManagerCore::hand_out(double now) {
