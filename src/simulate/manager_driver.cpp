@@ -129,12 +129,16 @@ double ManagerDriver::link_deadline(HostId host) const {
 }
 
 void ManagerDriver::drain(double now) {
-  for (auto outbox = core_.take_outbox(); !outbox.empty(); outbox = core_.take_outbox()) {
-    for (auto& [to, message] : outbox) {
-      const auto link = links_.find(to);
-      if (link == links_.end() || std::holds_alternative<wire::Welcome>(message)) continue;
-      link->second.send(wire::encode(message));
-      send_all(to, link->second, now);
+  for (auto sendings = core_.take_sendings(); !sendings.empty(); sendings = core_.take_sendings()) {
+    for (const ManagerCore::Sending& s : sendings) {
+      if (std::holds_alternative<wire::Welcome>(s.message)) continue;
+      const wire::Bytes encoded = wire::encode(s.message);  // once for all, as the real driver does
+      for (const HostId to : s.to) {
+        const auto link = links_.find(to);
+        if (link == links_.end()) continue;
+        link->second.send(encoded);
+        send_all(to, link->second, now);
+      }
     }
   }
   for (const HostId h : core_.take_gone()) {

@@ -119,6 +119,7 @@ class Simulation {
   WorkerOptions worker_options(const HostKind& kind) const {
     WorkerOptions o;
     o.threads = kind.threads;
+    o.maps = maps_;
     const auto less = [&](auto& n) {
       n = std::max<std::remove_reference_t<decltype(n)>>(1, n / weight_);
     };
@@ -344,15 +345,13 @@ class Simulation {
   struct Size {
     double bytes = 0, messages = 1;
   };
-  // Of the real messages that a simulated one stands for. Real batches have `weight_` times as many segments for as many
-  // hosts, so a message stands for several where the real segments for one host are fewer.
+  // Of the real messages that a simulated one stands for. A real batch has `weight_` times as many segments that leave,
+  // for the same hosts: of n segments for T hosts, whichever they are, T (1 - exp(-n / T)) get some.
   Size size_of(const Node& n, const wire::Message& m) const {
-    const double w = weight_;
-    const double full = 640, spread = static_cast<double>(std::max<std::size_t>(1, n.peers.size()));
-    const auto blocks = [&](double items, double most) {
-      const double real = std::clamp(n.per_batch * w / spread, 1.0, most);
-      return std::max(1.0, items * w / real);
-    };
+    const double w = weight_, full = 640, hosts = static_cast<double>(std::max<std::size_t>(1, n.peers.size()));
+    const auto reached = [&](double segments) { return hosts * -std::expm1(-segments / hosts); };
+    const double more = reached(std::max(1e-3, n.per_batch) * w) / reached(std::max(1e-3, n.per_batch));
+    const auto blocks = [&](double items, double most) { return std::max(more, items * w / most); };
     Size s;
     if (const auto* submit = std::get_if<wire::SubmitTask>(&m)) {
       if (const auto* b = std::get_if<wire::SegmentBlock>(&submit->payload)) {
@@ -586,6 +585,7 @@ class Simulation {
   ManagerDriver manager_;
   std::vector<std::unique_ptr<Node>> nodes_;  // by host number; none is 0
   std::vector<double> given_;
+  std::shared_ptr<SharedMaps> maps_ = std::make_shared<SharedMaps>();
   std::uint64_t drawn_ = 0;
   wire::Bytes last_payload_;
   wire::Message last_message_;
