@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 """Predictions of `cloudrenderer simulate` against real runs on this machine.
 
-A scene is rendered once on one host for the costs and the paths (--sample-paths), and simulated; then real clusters of
---hosts render it, every worker of one thread with --share of a core (a cgroup with a quota) and --budget of the scene's
-memory. Predicted and measured render times stand beside each other; with --check a difference of more than --within is
-a failure. Medians of --runs. Where less than a tenth of the processors was idle the row says so: shares are then not
+A scene is rendered once in one process for the costs and the paths (--sample-paths), and by one worker of one thread with
+--share of a core (a cgroup with a quota), which says how fast such a worker is. Nothing else is known when clusters of
+--hosts such workers, each with --budget of the scene's memory, are predicted; then they are run. Predicted and measured
+render times stand beside each other; with --check a difference of more than --within is a failure. Medians of --runs. Where less than a tenth of the processors was idle the row says so: shares are then not
 what they say.
 """
 import argparse
@@ -31,10 +31,10 @@ def calibrate(args, scene, options, report):
     return json.loads(pathlib.Path(report).read_text())
 
 
-def predict(args, model, hosts, memory, folder):
+def predict(args, model, hosts, memory, speed, folder):
     out = folder / "prediction.json"
     subprocess.run([args.program, "simulate", model, "--hosts", ",".join(map(str, hosts)), "--kind",
-                    f"worker:1:{memory}:0:{args.share}", "--bandwidth", "20", "--latency", "0.03", "--report", out, "--seed",
+                    f"worker:1:{memory}:0:{speed}", "--bandwidth", "20", "--latency", "0.03", "--report", out, "--seed",
                     str(args.seed)], check=True, stdout=subprocess.DEVNULL)
     return {p["hosts"]: p for p in json.loads(out.read_text())["predictions"]}
 
@@ -52,14 +52,23 @@ def compare(args, name, scene, spp):
         print(f"{name}: {report['parts']['count']} parts, {report['parts']['triangles']} triangles; a host may use "
               f"{memory / MIB:.0f} MiB (one alone {whole / MIB:.0f}); share {args.share} of a core, {spp} samples, seed "
               f"{args.seed}", flush=True)
+        real = lambda hosts: [local_cluster.render(args.program, scene, [args.share] * hosts, options,
+                                                   whole if hosts == 1 else memory, args.timeout) for _ in range(args.runs)]
+        alone = real(1)
+        speed = args.share
+        for _ in range(2):  # so that one host takes as long as it did
+            one = predict(args, model, [1], whole, speed, folder)
+            speed *= one[1]["render_s"] / statistics.median(r["time"]["render_s"] for r in alone)
+        print(f"a worker is as fast as {speed:.3f} of the core that the costs are of", flush=True)
         several = [n for n in args.hosts if n > 1]
-        predicted = predict(args, model, [1], whole, folder) | (predict(args, model, several, memory, folder) if several else {})
+        predicted = predict(args, model, [1], whole, speed, folder)
+        if several:
+            predicted |= predict(args, model, several, memory, speed, folder)
         print("| hosts | predicted s | measured s | ratio | runs | moves a path | measured | bytes a path | measured | load s | measured | idle |\n"
               "|---|---|---|---|---|---|---|---|---|---|---|---|", flush=True)
         worst = 0
         for hosts in args.hosts:
-            runs = [local_cluster.render(args.program, scene, [args.share] * hosts, options,
-                                         whole if hosts == 1 else memory, args.timeout) for _ in range(args.runs)]
+            runs = alone if hosts == 1 else real(hosts)
             median = lambda get: statistics.median(get(r) for r in runs)
             p = predicted[hosts]
             measured, idle = median(lambda r: r["time"]["render_s"]), median(lambda r: r["idle"])

@@ -38,6 +38,7 @@ Json to_json(const sim::Prediction& p) {
           {"efficiency", p.efficiency},
           {"tail", p.tail},
           {"wasted", p.wasted},
+          {"copied", p.copied},
           {"lost", p.lost},
           {"reclaimed", p.reclaimed},
           {"joined", p.joined},
@@ -57,7 +58,7 @@ Json to_json(const sim::Prediction& p) {
 }
 
 constexpr const char* kHead =
-    "  hosts    wall s    load s  render s    cpu h  B/path moves   busy  effic.   tail  waste      cost  mgr core  peak  mgr MB  "
+    "  hosts grain    wall s    load s  render s    cpu h  B/path moves   busy  effic.   tail  waste      cost  mgr core  peak  mgr MB  "
     "bottleneck\n";
 
 void print_row(const sim::Prediction& p) {
@@ -65,8 +66,8 @@ void print_row(const sim::Prediction& p) {
     fmt::print("{:7}  {}\n", p.hosts, p.error);
     return;
   }
-  fmt::print("{:7} {:9.2f} {:9.2f} {:9.2f} {:8.2f} {:7.1f} {:5.2f} {:5.1f}% {:6.1f}% {:5.1f}% {:5.2f}% {:9.3f} {:9.3f} {:5.2f} {:7.1f}  {} ({:.0f} %)\n",
-             p.hosts, p.wall_s, p.load_s, p.render_s, p.cpu_s / 3600, p.paths > 0 ? p.bytes / p.paths : 0.0, p.moves_per_path,
+  fmt::print("{:7} {:5} {:9.2f} {:9.2f} {:9.2f} {:8.2f} {:7.1f} {:5.2f} {:5.1f}% {:6.1f}% {:5.1f}% {:5.2f}% {:9.3f} {:9.3f} {:5.2f} {:7.1f}  {} ({:.0f} %)\n",
+             p.hosts, p.segment, p.wall_s, p.load_s, p.render_s, p.cpu_s / 3600, p.paths > 0 ? p.bytes / p.paths : 0.0, p.moves_per_path,
              100 * p.busy, 100 * p.efficiency, 100 * p.tail, 100 * p.wasted, p.cost, p.manager.cpu_share, p.manager.peak_share,
              p.manager.sent * 1e-6, p.bottleneck, 100 * p.bottleneck_share);
   std::fflush(stdout);
@@ -90,7 +91,7 @@ int run_simulate(const SimulateOptions& o) {
   fmt::print("{}: {} parts, {:.4g} triangles, {:.4g} GB loaded; {} x {} pixels, {} samples each; seed {}\n", model.name,
              model.parts.size(), static_cast<double>(model.triangles()), bytes * 1e-9, model.width, model.height, model.spp,
              o.plan.seed);
-  fmt::print("a simulated path stands for {}\n{}", sim::choose_grain(model, o.plan).paths(), kHead);
+  fmt::print("{}", kHead);
   Json rows = Json::array();
   bool done = true;
   for (const std::uint32_t hosts : o.hosts) {

@@ -65,6 +65,7 @@ struct Prediction {
   double efficiency = 0;  // what one host that holds everything would have needed, over processors times time
   double tail = 0;        // share of the render for the last tenth of the paths
   double wasted = 0;      // paths made again, of all
+  double copied = 0;      // paths made by two hosts at the end, of all
   std::uint32_t lost = 0, reclaimed = 0, joined = 0;
   std::uint32_t paged_parts = 0;
   ManagerLoad manager;

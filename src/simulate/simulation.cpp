@@ -4,75 +4,20 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <unordered_set>
 
 #include "simulate/dice.h"
 #include "simulate/event_queue.h"
 #include "simulate/manager_driver.h"
-#include "simulate/replay_engine.h"
-#include "tasks/worker_core.h"
+#include "simulate/message_size.h"
+#include "simulate/simulated_host.h"
 
 namespace cloudrenderer::sim {
 namespace {
 
-constexpr double kEndOfTime = 30 * 86400;     // a render that takes longer is not simulated to its end
 constexpr double kPathsARun = 1.2e6;          // simulated ones, that a run takes on when nothing is said
 constexpr double kWorkOverhead = 2e-6;        // seconds of a thread for a batch
 constexpr std::uint32_t kRealTile = 32, kRealRound = 16;
-constexpr std::size_t kRadianceBytes = 5;     // of a channel, as a rule
-constexpr std::uint64_t kEndBytes = 31, kRayBytes = 28, kMissBytes = 8;
-constexpr std::uint64_t kControlBytes = wire::kFrameHeaderBytes + wire::kPayloadHeaderBytes + 30;
-
 std::uint64_t incarnation_of(HostId h) { return 1000 + h.value; }
-
-// A part's bytes as the real host's loader counts them.
-class Store final : public PartLoader {
- public:
-  Store(const SceneModel& model, std::uint64_t memory, std::uint32_t width, std::uint32_t height)
-      : engine(model, width, height), model_(model), memory_(memory) {
-    engine.resident.insert(0);
-    used_ = cost(0);
-  }
-  ReplayEngine engine;
-  bool has_room(PartId p, BvhForm form) const override {
-    const PlacementPart& part = model_.parts[p.value].placement;
-    const std::uint64_t more = form == BvhForm::passing && part.page != 0 ? part.page : part.bytes + part.build;
-    return used_ + more <= memory_;
-  }
-  std::string start_job(const wire::JobStart&) override { return {}; }
-  std::string load(PartId p, BvhForm) override {
-    if (engine.resident.insert(p.value).second) used_ += cost(p.value);
-    return {};
-  }
-  void unload(PartId p) override {
-    if (engine.resident.erase(p.value) != 0) used_ -= cost(p.value);
-  }
-  void end_job() override {}
-  std::uint64_t bytes_used() const override { return used_; }
-
- private:
-  std::uint64_t cost(std::uint32_t p) const { return model_.parts[p].placement.bytes; }
-  const SceneModel& model_;
-  std::uint64_t memory_, used_ = 0;
-};
-
-struct Node {
-  HostId id;
-  const HostKind* kind = nullptr;
-  std::unique_ptr<WorkerCore> core;
-  std::unique_ptr<Store> store;
-  std::unique_ptr<Link> link;  // to the manager
-  std::unordered_set<std::uint32_t> peers;  // that it has had something for
-  std::uint32_t busy = 0;
-  bool alive = true;
-  double joined = 0, left = 0;
-  double wake = kEndOfTime;
-  double line_out = 0, line_in = 0;  // when it is free again
-  double debt = 0;                   // processor seconds of talking that are not worked off yet
-  double busy_s = 0, cpu_s = 0;
-  double per_batch = 0;              // real segments and rays that leave after a batch, on average
-  std::uint64_t in_flight = 0;       // messages that have not arrived
-};
 
 class Simulation {
  public:
@@ -151,26 +96,9 @@ class Simulation {
   }
 
   // ---- hosts ----
-  const HostKind& draw_kind() {
-    double all = 0;
-    for (const HostKind& k : plan_.kinds) all += k.weight;
-    // The mixture is exact, whatever the number of hosts: each kind when it is most behind its share.
-    const HostKind* behind = &plan_.kinds[0];
-    given_.resize(plan_.kinds.size());
-    double most = -1;
-    for (std::size_t i = 0; i < plan_.kinds.size(); ++i) {
-      const double lag = plan_.kinds[i].weight / all * static_cast<double>(drawn_ + 1) - given_[i];
-      if (lag <= most) continue;
-      most = lag;
-      behind = &plan_.kinds[i];
-    }
-    ++drawn_;
-    given_[static_cast<std::size_t>(behind - plan_.kinds.data())] += 1;
-    return *behind;
-  }
   void join() {
     if (core().finished() || core().phase() == ManagerCore::Phase::ending) return;
-    const HostKind& kind = draw_kind();
+    const HostKind& kind = kinds_.next();
     const HostId expected(static_cast<std::uint32_t>(nodes_.size()));
     const WorkerOptions options = worker_options(kind);
     auto node = std::make_unique<Node>();
@@ -342,46 +270,9 @@ class Simulation {
   }
 
   // ---- network ----
-  struct Size {
-    double bytes = 0, messages = 1;
-  };
-  // Of the real messages that a simulated one stands for. A real batch has `weight_` times as many segments that leave,
-  // for the same hosts: of n segments for T hosts, whichever they are, T (1 - exp(-n / T)) get some.
-  Size size_of(const Node& n, const wire::Message& m) const {
-    const double w = weight_, full = 640, hosts = static_cast<double>(std::max<std::size_t>(1, n.peers.size()));
-    const auto reached = [&](double segments) { return hosts * -std::expm1(-segments / hosts); };
-    const double more = reached(std::max(1e-3, n.per_batch) * w) / reached(std::max(1e-3, n.per_batch));
-    const auto blocks = [&](double items, double most) { return std::max(more, items * w / most); };
-    Size s;
-    if (const auto* submit = std::get_if<wire::SubmitTask>(&m)) {
-      if (const auto* b = std::get_if<wire::SegmentBlock>(&submit->payload)) {
-        const auto items = static_cast<double>(b->size());
-        s.messages = blocks(items, full);
-        s.bytes = items * w * static_cast<double>(wire::segment_bytes(b->columns, kRadianceBytes));
-      } else if (const auto* o = std::get_if<wire::OcclusionBlock>(&submit->payload)) {
-        const auto items = static_cast<double>(o->size());
-        s.messages = blocks(items, 4 * full);
-        s.bytes = items * w * kRayBytes;
-      }
-    } else if (const auto* reply = std::get_if<wire::Reply>(&m)) {
-      if (const auto* t = std::get_if<wire::TracerReply>(&reply->payload)) {
-        s.messages = blocks(t->count, full);
-        s.bytes = w * (t->count / 8.0 + static_cast<double>(t->tested.size() * kMissBytes));
-      } else if (const auto* o = std::get_if<wire::OcclusionReply>(&reply->payload)) {
-        s.messages = blocks(o->count, 4 * full);
-        s.bytes = w * o->count / 8.0;
-      }
-    } else if (const auto* ends = std::get_if<wire::PathEnds>(&m)) {
-      const auto items = static_cast<double>(ends->ends.size());
-      s.messages = blocks(items, 2 * full);
-      s.bytes = items * w * kEndBytes;
-    }
-    s.bytes += s.messages * kControlBytes;
-    return s;
-  }
   void to_peer(Node& n, HostId to, wire::Message m) {
     n.peers.insert(to.value);
-    const Size size = size_of(n, m);
+    const MessageSize size = size_of(m, weight_, n.per_batch, n.peers.size());
     sent_bytes_ += size.bytes;
     const double cpu = 0.5 * (size.messages * model_.costs.message + size.bytes * model_.costs.message_byte);
     n.debt += cpu;
@@ -440,6 +331,11 @@ class Simulation {
           last_payload_ = payload;
         }
         n.core->receive(HostId(0), last_message_, now());
+        if (auto* map = std::get_if<wire::SceneHostMap>(&last_message_)) {  // what follows from it is shared (SharedMaps)
+          map->clear_hosts();
+          map->clear_holdings();
+          map->clear_gone();
+        }
       }
       if (!in_order.empty()) pump(n);
     });
@@ -505,12 +401,13 @@ class Simulation {
     p.cpu_s = (end.cpu_s - began.cpu_s) * fit;
     p.bytes = (end.bytes - began.bytes) * fit;
     p.loaded_bytes = loaded_bytes_;
-    double moved = 0, asked = 0, wasted = 0;
+    double moved = 0, asked = 0, wasted = 0, copied = 0;
     for (const auto& [id, host] : core().hosts()) {
       const wire::Counters& c = host.last.counters();
       moved += static_cast<double>(c.moved());
       asked += static_cast<double>(c.shadow_asked());
       wasted += static_cast<double>(c.wasted_paths());
+      copied += static_cast<double>(c.copied_paths());
       p.cost += ((host.left ? *host.left : now()) - host.joined) / 3600 * nodes_[id.value]->kind->price;
     }
     p.cost += plan_.manager_price * now() / 3600;
@@ -518,12 +415,10 @@ class Simulation {
     p.moves_per_path = moved / simulated;
     p.asks_per_path = asked / simulated;
     p.wasted = wasted / simulated;
+    p.copied = copied / simulated;
     p.paged_parts = progress.paged_parts;
     const double capacity = end.capacity_s - began.capacity_s;
     p.busy = capacity > 0 ? (end.busy_s - began.busy_s) / capacity : 0;
-    double speed = 0;
-    for (const auto& n : nodes_)
-      if (n && n->core) speed = std::max(speed, n->kind->speed);
     const double ideal = nodes_[1]->store->engine.ideal_seconds_per_path() * p.paths / mean_speed();
     p.efficiency = capacity > 0 ? ideal / (capacity * fit) : 0;
     p.tail = core().tail(0.1);
@@ -559,7 +454,8 @@ class Simulation {
         {"tail", idle_after},
         {"imbalance", imbalance},
         {"latency", idle_before - imbalance},
-        {"moving paths", std::max(0.0, end.busy_s - began.busy_s - ideal * (1 + p.wasted))},
+        {"moving paths", std::max(0.0, end.busy_s - began.busy_s - ideal * (1 + p.wasted + p.copied))},
+        {"second copies at the end", ideal * p.copied},
         {"paths made again", ideal * p.wasted},
     };
     for (const auto& [name, seconds] : shares) {
@@ -584,9 +480,8 @@ class Simulation {
   EventQueue events_;
   ManagerDriver manager_;
   std::vector<std::unique_ptr<Node>> nodes_;  // by host number; none is 0
-  std::vector<double> given_;
+  KindMixer kinds_{plan_.kinds};
   std::shared_ptr<SharedMaps> maps_ = std::make_shared<SharedMaps>();
-  std::uint64_t drawn_ = 0;
   wire::Bytes last_payload_;
   wire::Message last_message_;
   double manager_out_ = 0, manager_in_ = 0, store_out_ = 0;  // when these lines are free again
@@ -600,10 +495,11 @@ class Simulation {
 
 Grain choose_grain(const SceneModel& model, const ClusterPlan& plan) {
   const double paths = static_cast<double>(model.width) * model.height * model.spp;
-  const double wanted = plan.segment != 0 ? plan.segment : std::clamp(paths / kPathsARun, 1.0, 1024.0);
+  const bool many = plan.hosts > 64;  // whose rounds are longer (ManagerCore::lengthen_rounds)
+  const double wanted = plan.segment != 0 ? plan.segment : std::clamp(paths / kPathsARun, 1.0, many ? 4096.0 : 1024.0);
   Grain g;
   // Samples first: tiles keep their pixels, and with them their share of the parts.
-  while (g.paths() * 2 <= wanted && g.samples < kRealRound && g.samples * 2 <= model.spp) g.samples *= 2;
+  while (g.paths() * 2 <= wanted && g.samples < (many ? 4 : 1) * kRealRound && g.samples * 2 <= model.spp) g.samples *= 2;
   while (g.paths() * 4 <= wanted && g.side < 8) g.side *= 2;
   return g;
 }
