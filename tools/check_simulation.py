@@ -2,7 +2,8 @@
 """Predictions of `cloudrenderer simulate` against real runs on this machine.
 
 A scene is rendered once in one process for the costs and the paths (--sample-paths), and by one worker of one thread with
---share of a core (a cgroup with a quota), which says how fast such a worker is. Nothing else is known when clusters of
+--share of a core (a cgroup with a quota), with all and with a quarter of the samples, which says how fast such a worker
+is and what it takes once. Messages wait for the receiver's share (tools/quota.py: periods of 10 ms). Nothing else is known when clusters of
 --hosts such workers, each with --budget of the scene's memory, are predicted; then they are run. Predicted and measured
 render times stand beside each other; with --check a difference of more than --within is a failure. Medians of --runs. Where less than a tenth of the processors was idle the row says so: shares are then not
 what they say.
@@ -31,10 +32,10 @@ def calibrate(args, scene, options, report):
     return json.loads(pathlib.Path(report).read_text())
 
 
-def predict(args, model, hosts, memory, speed, folder):
+def predict(args, model, hosts, memory, speed, start, folder):
     out = folder / "prediction.json"
     subprocess.run([args.program, "simulate", model, "--hosts", ",".join(map(str, hosts)), "--kind",
-                    f"worker:1:{memory}:0:{speed}", "--bandwidth", "20", "--latency", "0.03", "--report", out, "--seed",
+                    f"worker:1:{memory}:0:{speed}", "--bandwidth", "20", "--latency", "5", "--start", str(start), "--report", out, "--seed",
                     str(args.seed)], check=True, stdout=subprocess.DEVNULL)
     return {p["hosts"]: p for p in json.loads(out.read_text())["predictions"]}
 
@@ -52,18 +53,25 @@ def compare(args, name, scene, spp):
         print(f"{name}: {report['parts']['count']} parts, {report['parts']['triangles']} triangles; a host may use "
               f"{memory / MIB:.0f} MiB (one alone {whole / MIB:.0f}); share {args.share} of a core, {spp} samples, seed "
               f"{args.seed}", flush=True)
-        real = lambda hosts: [local_cluster.render(args.program, scene, [args.share] * hosts, options,
-                                                   whole if hosts == 1 else memory, args.timeout) for _ in range(args.runs)]
+        def real(hosts, samples=spp):
+            return [local_cluster.render(args.program, scene, [args.share] * hosts,
+                                         ["--spp", samples, "--resolution", args.resolution],
+                                         whole if hosts == 1 else memory, args.timeout) for _ in range(args.runs)]
+        seconds = lambda runs: statistics.median(r["time"]["render_s"] for r in runs)
         alone = real(1)
+        # What does not grow with the samples a host takes once.
+        few = int(spp) // 4
+        fixed = seconds(alone) - (seconds(alone) - seconds(real(1, few))) * int(spp) / (int(spp) - few)
+        start = max(0.0, fixed) * args.share
         speed = args.share
-        for _ in range(2):  # so that one host takes as long as it did
-            one = predict(args, model, [1], whole, speed, folder)
-            speed *= one[1]["render_s"] / statistics.median(r["time"]["render_s"] for r in alone)
-        print(f"a worker is as fast as {speed:.3f} of the core that the costs are of", flush=True)
+        for _ in range(3):  # so that one host takes as long as it did
+            one = predict(args, model, [1], whole, speed, start, folder)
+            speed *= one[1]["render_s"] / seconds(alone)
+        print(f"a worker is as fast as {speed:.3f} of the core that the costs are of, and takes {start:.2f} s of it once", flush=True)
         several = [n for n in args.hosts if n > 1]
-        predicted = predict(args, model, [1], whole, speed, folder)
+        predicted = predict(args, model, [1], whole, speed, start, folder)
         if several:
-            predicted |= predict(args, model, several, memory, speed, folder)
+            predicted |= predict(args, model, several, memory, speed, start, folder)
         print("| hosts | predicted s | measured s | ratio | runs | moves a path | measured | bytes a path | measured | load s | measured | idle |\n"
               "|---|---|---|---|---|---|---|---|---|---|---|---|", flush=True)
         worst = 0

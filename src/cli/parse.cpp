@@ -210,7 +210,7 @@ void add_means(CLI::App& app, Texts& t) {
 // What is kept as text until it is read.
 struct SimulateTexts {
   std::string hosts, resolution, spp, triangles, bandwidth, manager_bandwidth, latency, store_bandwidth, failures, reclaims,
-      notice, replace, boot, replication, manager_price, segment, seed;
+      notice, replace, boot, start, replication, manager_price, segment, seed;
   std::vector<std::string> kinds;
 };
 
@@ -234,6 +234,7 @@ void add_simulate(CLI::App& app, SimulateOptions& o, SimulateTexts& t) {
   app.add_option("--notice", t.notice, "seconds from being told to the end (default 120)");
   app.add_option("--replace", t.replace, "seconds until another host is there in place of one that went (default: none comes)");
   app.add_option("--boot", t.boot, "seconds over which the hosts join");
+  app.add_option("--start", t.start, "processor seconds that a host takes once as it begins to render (default 0)");
   app.add_option("--replication", t.replication, "hosts that hold each part at least");
   app.add_option("--manager-price", t.manager_price, "of the manager's machine, an hour");
   app.add_option("--segment", t.segment, "real paths that a simulated one stands for at most (default: by the size of the job)");
@@ -282,6 +283,7 @@ void read_simulate(const SimulateTexts& t, SimulateOptions& o) {
   read("--notice", t.notice, trouble.notice_s);
   read("--replace", t.replace, trouble.replace_s);
   read("--boot", t.boot, o.plan.boot_s);
+  read("--start", t.start, o.plan.start_s);
   read("--manager-price", t.manager_price, o.plan.manager_price);
   if (!t.replication.empty()) o.plan.replication = at_least<std::uint32_t>("--replication", t.replication, 1);
   if (!t.segment.empty()) o.plan.segment = at_least<std::uint32_t>("--segment", t.segment, 1);

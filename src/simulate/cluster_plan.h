@@ -35,6 +35,7 @@ struct ClusterPlan {
   std::vector<HostKind> kinds{HostKind{}};
   Network network;
   Trouble trouble;
+  double start_s = 0;  // of a thread of a host, once as it begins to render: pages, connections, threads
   double boot_s = 0;  // hosts come evenly over this time; the render waits for all of them
   std::uint32_t replication = 1;
   double manager_price = 0;  // an hour

@@ -108,6 +108,7 @@ class Simulation {
     node->store = std::make_unique<Store>(model_, kind.memory, width_, height_);
     node->link = std::make_unique<Link>(static_cast<std::uint32_t>(incarnation_of(expected)), 1u);
     node->joined = now();
+    node->debt = plan_.start_s;
     Node& n = *node;
     nodes_.push_back(std::move(node));
     wire::Hello hello;
@@ -373,7 +374,7 @@ class Simulation {
   // Render time is looked at in three stages: until it begins, until nine tenths are done, the end.
   void watch() {
     if (!began_ && core().phase() == ManagerCore::Phase::rendering) began_ = mark();
-    if (!began_ || late_ || events_.done() % 64 != 0) return;
+    if (!began_ || late_ || events_.done() % std::max<std::uint64_t>(64, nodes_.size()) != 0) return;
     const ManagerCore::Progress p = core().progress();
     if (p.paths_done * 10 >= p.paths_total * 9) late_ = mark();
   }
