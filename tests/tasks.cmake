@@ -3,10 +3,10 @@ cloudrenderer_test(tasks_tests LABEL unit
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_routing_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_placement_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_ledger_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_worker_core_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_core_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_resume_test.cpp
-          ${CMAKE_CURRENT_SOURCE_DIR}/tasks_visits_test.cpp
+          ${CMAKE_CURRENT_SOURCE_DIR}/tasks_visits_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_cluster_map_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_copies_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_worker_cancel_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_overhead_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_paging_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_checkpoint_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_progress_record_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_kinds_of_hosts_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_drop_test.cpp
-  LINK cr_tasks)
+  LINK cr_simulate)

@@ -2,6 +2,8 @@
 // A manager with hosts that do as they are told.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tasks/manager_core.h"
 
 namespace cloudrenderer::manager_test {
@@ -14,6 +16,31 @@ inline JobSpec job(std::uint32_t parts = 5, std::uint32_t side = 64, std::uint32
   for (std::uint32_t p = 0; p < parts; ++p)
     j.parts.push_back({100, Vec3(static_cast<float>(p)), {}});
   return j;
+}
+
+// What a host knows after a map that may say only what has changed.
+inline void follow(wire::SceneHostMap& known, const wire::SceneHostMap& news) {
+  if (news.since() == 0) return void(known = news);
+  EXPECT_EQ(news.since(), known.epoch());
+  wire::SceneHostMap next = news;
+  next.clear_since();
+  next.clear_gone();
+  next.clear_hosts();
+  next.clear_holdings();
+  const auto has = [](const auto& list, std::uint32_t host) {
+    return std::any_of(list.begin(), list.end(), [&](const auto& e) { return e.host() == host; });
+  };
+  const auto gone = [&](std::uint32_t host) {
+    return std::find(news.gone().begin(), news.gone().end(), host) != news.gone().end();
+  };
+  for (const auto& e : known.hosts())
+    if (!gone(e.host()) && !has(news.hosts(), e.host())) *next.add_hosts() = e;
+  for (const auto& h : known.holdings())
+    if (!gone(h.host()) && !has(news.holdings(), h.host())) *next.add_holdings() = h;
+  for (const auto& e : news.hosts()) *next.add_hosts() = e;
+  for (const auto& h : news.holdings())
+    if (h.parts_size() != 0) *next.add_holdings() = h;
+  known = std::move(next);
 }
 
 // The manager with hosts that do as they are told.
@@ -38,7 +65,7 @@ struct Cluster {
         for (const std::uint32_t p : load->parts()) ordered[to].insert(p);
       if (auto* unload = std::get_if<wire::UnloadParts>(&m))
         for (const std::uint32_t p : unload->parts()) dropped[to].push_back(p);
-      if (auto* map = std::get_if<wire::SceneHostMap>(&m)) maps[to] = *map;
+      if (auto* map = std::get_if<wire::SceneHostMap>(&m)) follow(maps[to], *map);
       if (auto* task = std::get_if<wire::SubmitTask>(&m)) tasks[to].push_back(*task);
       if (auto* cancel = std::get_if<wire::CancelTask>(&m)) {
         cancelled[to].insert(cancel->task());

@@ -42,6 +42,7 @@ void fill(google::protobuf::Message& m) {
         case Field::CPPTYPE_UINT32: many ? r->AddUInt32(&m, f, n + static_cast<std::uint32_t>(k)) : r->SetUInt32(&m, f, n); break;
         case Field::CPPTYPE_UINT64: many ? r->AddUInt64(&m, f, n << 20) : r->SetUInt64(&m, f, std::uint64_t{n} << 33); break;
         case Field::CPPTYPE_INT32: r->SetInt32(&m, f, -static_cast<int>(n)); break;
+        case Field::CPPTYPE_FLOAT: r->AddFloat(&m, f, static_cast<float>(n) + 0.25f * static_cast<float>(k)); break;
         case Field::CPPTYPE_DOUBLE: r->SetDouble(&m, f, n + 0.25); break;
         case Field::CPPTYPE_BOOL: r->SetBool(&m, f, true); break;
         case Field::CPPTYPE_ENUM: many ? r->AddEnumValue(&m, f, 4 + k) : r->SetEnumValue(&m, f, 1); break;
@@ -207,9 +208,14 @@ std::vector<std::pair<std::string, Message>> messages() {
   add("welcome", filled<Welcome>());
   add("refused", filled<Refused>());
   add("peer_hello", filled<PeerHello>());
-  add("host_list", filled<HostList>());
+  HostList list;
+  *list.add_hosts() = filled<HostEntry>();
+  *list.add_hosts() = filled<HostEntry>();
+  add("host_list", list);
   auto map = filled<SceneHostMap>();
   map.set_part_count(9);
+  map.clear_since();
+  map.clear_gone();
   add("scene_host_map", map);
   auto start = filled<JobStart>();
   start.set_width(60);
@@ -261,6 +267,13 @@ std::vector<std::pair<std::string, Message>> messages() {
   add("leave", filled<Leave>());
   add("error", filled<Error>());
   add("cancel_task", filled<CancelTask>());
+  auto changes = filled<HostList>();
+  changes.clear_hosts();
+  add("host_list_changes", changes);
+  auto change = filled<SceneHostMap>();
+  change.set_part_count(9);
+  change.set_epoch(10);
+  add("scene_host_map_change", change);
   return all;
 }
 

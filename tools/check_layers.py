@@ -7,7 +7,7 @@ import pathlib
 import re
 import sys
 
-LAYERS = "base scene shapes parts trace shading film integrator wire tasks net cluster web cli".split()
+LAYERS = "base scene shapes parts trace shading film integrator wire tasks simulate net cluster web cli".split()
 RANK = {name: rank for rank, name in enumerate(LAYERS)}
 # Libraries that only some layers may name.
 FENCED = [

@@ -12,6 +12,7 @@ int run_split(const SplitCommand& options);
 int run_worker_command(const WorkerOptionsGiven& options, Interrupts& interrupts);
 int run_compare(const CompareOptions& options);
 int run_info(const InfoOptions& options);
+int run_simulate(const SimulateOptions& options);
 
 // "file:line:column: warning: ..." on standard error: the first twenty, then how many more.
 void print_warnings(const std::vector<std::string>& warnings);

@@ -29,6 +29,7 @@ int run(int argc, const char* const* argv) {
                                [](const SplitCommand& o) { return run_split(o); },
                                [](const CompareOptions& o) { return run_compare(o); },
                                [](const InfoOptions& o) { return run_info(o); },
+                               [](const SimulateOptions& o) { return run_simulate(o); },
                                [](const HelpText& o) {
                                  fmt::print("{}", o.text);
                                  return kDone;

@@ -8,6 +8,7 @@
 
 #include "cluster/render.h"
 #include "cluster/worker.h"
+#include "simulate/cluster_plan.h"
 
 namespace cloudrenderer {
 
@@ -49,12 +50,21 @@ struct InfoOptions {
   std::optional<Dialect> dialect;
 };
 
+struct SimulateOptions {
+  std::string model;   // the report of a render with --sample-paths
+  std::string report;  // to write
+  std::vector<std::uint32_t> hosts{1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024};
+  std::uint32_t width = 0, height = 0, spp = 0;  // 0: the render's
+  std::uint64_t triangles = 0;                   // likewise
+  sim::ClusterPlan plan;
+};
+
 struct HelpText {  // asked for: printed, exit code 0
   std::string text;
 };
 
 using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions,
-                             InfoOptions, HelpText>;
+                             InfoOptions, SimulateOptions, HelpText>;
 
 // Throws UsageError.
 Command parse_command_line(int argc, const char* const* argv);

@@ -45,7 +45,7 @@ std::uint64_t size_option(const std::string& option, const std::string& text) {
 struct Texts {
   std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop,
       dialect, hosts, threads, min_hosts, replication, lost_after, wait, listen, advertise, manager,
-      alpha, max_relmse, parent, tls, web, display, layers, sampling;
+      alpha, max_relmse, sample_paths, parent, tls, web, display, layers, sampling;
 };
 
 constexpr auto kLayers = std::to_array<const char*>({"error", "samples", "albedo", "normal", "depth", "position", "ids"});
@@ -105,6 +105,8 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--reference", o.reference, "picture to measure the error against");
   app.add_option("--layers", t.layers, "also in the .exr: " + layer_names() + ", separated by commas, or all");
   app.add_option("--report", o.report, "write figures about the render to this JSON file");
+  app.add_option("--sample-paths", t.sample_paths,
+                 "with --report and one host: also trace so many paths for `simulate` (2048 are plenty)");
   app.add_option("--checkpoint", o.request.checkpoint,
                  "journal of what is done, for --resume (Ctrl-C without it: OUT.ckpt)");
   app.add_flag("--resume", o.request.resume,
@@ -122,6 +124,15 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   add_log(app, o.log);
 }
 
+std::pair<std::uint32_t, std::uint32_t> read_resolution(const std::string& text) {
+  const auto wh = fields(text, 'x');
+  const auto w = wh.size() == 2 ? number<std::uint32_t>(wh[0]) : std::nullopt;
+  const auto h = wh.size() == 2 ? number<std::uint32_t>(wh[1]) : std::nullopt;
+  if (!w || !h || *w == 0 || *h == 0 || *w > 65536 || *h > 65536)
+    throw UsageError("--resolution is WIDTHxHEIGHT, for example 640x480, got '" + text + "'");
+  return {*w, *h};
+}
+
 void read_render(const Texts& t, const std::string& integrator, RenderOptions& o) {
   RenderRequest& r = o.request;
   JobOverrides& j = r.overrides;
@@ -133,14 +144,9 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   if (!t.seed.empty()) j.seed = at_least<std::uint32_t>("--seed", t.seed, 0);
   if (!integrator.empty()) j.integrator = integrator;
   if (!t.resolution.empty()) {
-    const auto wh = fields(t.resolution, 'x');
-    const auto w = wh.size() == 2 ? number<std::uint32_t>(wh[0]) : std::nullopt;
-    const auto h = wh.size() == 2 ? number<std::uint32_t>(wh[1]) : std::nullopt;
-    if (!w || !h || *w == 0 || *h == 0 || *w > 65536 || *h > 65536)
-      throw UsageError("--resolution is WIDTHxHEIGHT, for example 640x480, got '" + t.resolution +
-                       "'");
-    j.width = w;
-    j.height = h;
+    const auto [width, height] = read_resolution(t.resolution);
+    j.width = width;
+    j.height = height;
   }
   if (!t.crop.empty()) {
     const auto texts = fields(t.crop, ',');
@@ -163,6 +169,10 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   r.adaptive = t.sampling != "uniform";
   if (!t.layers.empty()) o.layers = read_layers(t.layers);
   if (!t.alpha.empty()) r.alpha = at_least<float>("--alpha", t.alpha, 0);
+  if (!t.sample_paths.empty()) {
+    r.sample_paths = at_least<std::uint32_t>("--sample-paths", t.sample_paths, 1);
+    if (o.report.empty()) throw UsageError("--sample-paths goes into a report: --report FILE.json is missing");
+  }
   r.log_level = o.log.level;
   if (!t.web.empty()) o.web = Address::parse(t.web);
   if (!t.display.empty()) o.display = Address::parse(t.display);
@@ -195,6 +205,89 @@ void add_means(CLI::App& app, Texts& t) {
   app.add_option("--threads", t.threads, "threads of a host (default: all processors)");
   app.add_option("--memory", t.memory,
                  "memory of a host for parts and textures (default: 80 % of what there is)");
+}
+
+// What is kept as text until it is read.
+struct SimulateTexts {
+  std::string hosts, resolution, spp, triangles, bandwidth, manager_bandwidth, latency, store_bandwidth, failures, reclaims,
+      notice, replace, boot, start, replication, manager_price, segment, seed;
+  std::vector<std::string> kinds;
+};
+
+void add_simulate(CLI::App& app, SimulateOptions& o, SimulateTexts& t) {
+  app.add_option("model", o.model, "report of a render with --hosts 1 --sample-paths 2048 --report")->required();
+  app.add_option("--hosts", t.hosts, "numbers of hosts, separated by commas (default 1,2,4,...,1024)");
+  app.add_option("--kind", t.kinds,
+                 "NAME:THREADS:MEMORY:PRICE[:SPEED[:WEIGHT]], for example c8.large:2:4GiB:0.085; price an hour, speed of a thread "
+                 "against the machine of the report, share of the hosts; more than one: mixed")
+      ->take_all();
+  app.add_option("--resolution", t.resolution, "WxH pixels, instead of the render's");
+  app.add_option("--spp", t.spp, "samples per pixel, likewise");
+  app.add_option("--triangles", t.triangles, "as many in the same number of parts");
+  app.add_option("--bandwidth", t.bandwidth, "of a host, Gbit/s each way (default 1)");
+  app.add_option("--manager-bandwidth", t.manager_bandwidth, "of the manager, Gbit/s (default 10)");
+  app.add_option("--store-bandwidth", t.store_bandwidth, "of the store of parts in all, Gbit/s (default: no limit)");
+  app.add_flag("--parts-from-manager", o.plan.network.parts_from_manager, "hosts fetch parts from the manager");
+  app.add_option("--latency", t.latency, "one way, milliseconds (default 0.2)");
+  app.add_option("--failures", t.failures, "of a host, in an hour: gone without a word");
+  app.add_option("--reclaims", t.reclaims, "of a host, in an hour: spot instances that are told so before");
+  app.add_option("--notice", t.notice, "seconds from being told to the end (default 120)");
+  app.add_option("--replace", t.replace, "seconds until another host is there in place of one that went (default: none comes)");
+  app.add_option("--boot", t.boot, "seconds over which the hosts join");
+  app.add_option("--start", t.start, "processor seconds that a host takes once as it begins to render (default 0)");
+  app.add_option("--replication", t.replication, "hosts that hold each part at least");
+  app.add_option("--manager-price", t.manager_price, "of the manager's machine, an hour");
+  app.add_option("--segment", t.segment, "real paths that a simulated one stands for at most (default: by the size of the job)");
+  app.add_option("--seed", t.seed, "of all that is random");
+  app.add_option("--report", o.report, "write the predictions to this JSON file");
+}
+
+sim::HostKind read_kind(const std::string& text) {
+  const auto f = fields(text, ':');
+  if (f.size() < 4 || f.size() > 6)
+    throw UsageError("--kind is NAME:THREADS:MEMORY:PRICE[:SPEED[:WEIGHT]], for example c8.large:2:4GiB:0.085, got '" + text + "'");
+  sim::HostKind k;
+  k.name = f[0];
+  k.threads = at_least<std::uint32_t>("--kind: threads", f[1], 1);
+  k.memory = size_option("--kind", f[2]);
+  k.price = at_least<double>("--kind: price", f[3], 0);
+  if (f.size() > 4) k.speed = at_least<double>("--kind: speed", f[4], 1e-3);
+  if (f.size() > 5) k.weight = at_least<double>("--kind: weight", f[5], 1e-6);
+  return k;
+}
+
+void read_simulate(const SimulateTexts& t, SimulateOptions& o) {
+  constexpr double kGigabit = 1e9 / 8;
+  const auto read = [](const char* option, const std::string& text, double& value, double unit = 1, double least = 0) {
+    if (!text.empty()) value = unit * at_least<double>(option, text, least);
+  };
+  if (!t.hosts.empty()) {
+    o.hosts.clear();
+    for (const std::string& n : fields(t.hosts, ',')) o.hosts.push_back(at_least<std::uint32_t>("--hosts", n, 1));
+  }
+  for (const std::uint32_t n : o.hosts)
+    if (n > 60000) throw UsageError("--hosts is at most 60000: a path's owner has 16 bits");
+  if (!t.kinds.empty()) o.plan.kinds.clear();
+  for (const std::string& kind : t.kinds) o.plan.kinds.push_back(read_kind(kind));
+  if (!t.resolution.empty()) std::tie(o.width, o.height) = read_resolution(t.resolution);
+  if (!t.spp.empty()) o.spp = at_least<std::uint32_t>("--spp", t.spp, 1);
+  if (!t.triangles.empty()) o.triangles = static_cast<std::uint64_t>(at_least<double>("--triangles", t.triangles, 1));
+  sim::Network& net = o.plan.network;
+  read("--bandwidth", t.bandwidth, net.bandwidth, kGigabit, 1e-6);
+  read("--manager-bandwidth", t.manager_bandwidth, net.manager_bandwidth, kGigabit, 1e-6);
+  read("--store-bandwidth", t.store_bandwidth, net.store_bandwidth, kGigabit, 1e-6);
+  read("--latency", t.latency, net.latency, 1e-3);
+  sim::Trouble& trouble = o.plan.trouble;
+  read("--failures", t.failures, trouble.failures);
+  read("--reclaims", t.reclaims, trouble.reclaims);
+  read("--notice", t.notice, trouble.notice_s);
+  read("--replace", t.replace, trouble.replace_s);
+  read("--boot", t.boot, o.plan.boot_s);
+  read("--start", t.start, o.plan.start_s);
+  read("--manager-price", t.manager_price, o.plan.manager_price);
+  if (!t.replication.empty()) o.plan.replication = at_least<std::uint32_t>("--replication", t.replication, 1);
+  if (!t.segment.empty()) o.plan.segment = at_least<std::uint32_t>("--segment", t.segment, 1);
+  if (!t.seed.empty()) o.plan.seed = at_least<std::uint64_t>("--seed", t.seed, 0);
 }
 
 }  // namespace
@@ -266,10 +359,15 @@ Command parse_command_line(int argc, const char* const* argv) {
   info_app.add_flag("--language", info.language,
                     "print what is read of the scene language instead (docs/language.md)");
 
+  SimulateOptions simulate;
+  SimulateTexts st;
+  CLI::App& simulate_app = *app.add_subcommand("simulate", "predict time and cost of a render by other clusters");
+  add_simulate(simulate_app, simulate, st);
+
   if (argc > 1 && argv[1][0] != '-' &&
       app.get_subcommands([&](CLI::App* a) { return a->get_name() == argv[1]; }).empty())
     throw UsageError("there is no command '" + std::string(argv[1]) +
-                     "'; known are render, manager, worker, split, compare and info");
+                     "'; known are render, manager, worker, split, compare, info and simulate");
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help, --version
@@ -327,6 +425,10 @@ Command parse_command_line(int argc, const char* const* argv) {
     if (!t.max_relmse.empty())
       compare.max_relmse = at_least<double>("--max-relmse", t.max_relmse, 0);
     return compare;
+  }
+  if (simulate_app.parsed()) {
+    read_simulate(st, simulate);
+    return simulate;
   }
   SplitOptions dialect;
   read_split(t, dialect);

@@ -33,11 +33,65 @@ Json report_host(const ManagerCore::HostReport& host, double render_s) {
             {"tracer", c.tasks_tracer()},
             {"aggregator", c.tasks_aggregator()},
             {"intersection", c.tasks_intersection()}}},
+          {"blocks_sent", c.blocks_sent()},
+          {"load_s", c.load_s()},
           {"retries", c.retries()},
           {"paths_done", host.paths_done},
           {"joined_s", host.joined},
           {"left_s", host.left ? Json(*host.left) : Json(nullptr)},
           {"lost", host.lost}};
+}
+
+// Numbers one after the other, as sim::read_model() takes them.
+Json path_numbers(const sim::PathSample& path) {
+  Json out = Json::array();
+  const auto part = [&](std::uint32_t p) {
+    if (p == sim::PathVertex::kNone)
+      out.push_back(-1);
+    else
+      out.push_back(p);
+  };
+  const auto list = [&](const std::vector<std::uint32_t>& parts) {
+    out.push_back(parts.size());
+    for (const std::uint32_t p : parts) out.push_back(p);
+  };
+  for (const sim::PathVertex& v : path) {
+    list(v.parts);
+    part(v.hit);
+    out.push_back(v.shadow ? 1 : 0);
+    if (!v.shadow) continue;
+    list(v.shadow_parts);
+    part(v.blocker);
+  }
+  return out;
+}
+
+// What `simulate` needs beside the rest.
+Json report_model(const RenderOutcome& o) {
+  const sim::SceneModel& m = *o.model;
+  Json parts = Json::array();
+  for (const sim::ModelPart& p : m.parts) {
+    parts.push_back({{"bytes", p.placement.bytes},
+                     {"build", p.placement.build},
+                     {"page", p.placement.page},
+                     {"visits", p.placement.visits},
+                     {"file_bytes", p.file_bytes},
+                     {"triangles", p.triangles}});
+    if (!p.placement.prototypes.empty()) parts.back()["prototypes"] = p.placement.prototypes;
+  }
+  Json paths = Json::array();
+  for (const sim::PathSample& p : m.samples.paths) paths.push_back(path_numbers(p));
+  return {{"load_cpu_s", o.load_cpu_s},
+          {"render_cpu_s", o.render_cpu_s},
+          {"columns", m.columns},
+          {"manifest_bytes", m.manifest_bytes},
+          {"parts", std::move(parts)},
+          {"prototype_bytes", m.prototype_bytes},
+          {"path_samples",
+           {{"columns", m.samples.columns},
+            {"rows", m.samples.rows},
+            {"per_cell", m.samples.per_cell},
+            {"paths", std::move(paths)}}}};
 }
 
 }  // namespace
@@ -126,6 +180,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
   const auto& e = o.engine_s;
   if (std::any_of(e.begin(), e.end(), [](double s) { return s > 0; }))
     out["engine_cpu_s"] = {{"camera", e[0]}, {"trace", e[1]}, {"shade", e[2]}, {"occlusion", e[3]}};
+  if (o.model) out["model"] = report_model(o);
   return out;
 }
 

@@ -184,20 +184,8 @@ double Manager::tick() {
 void Manager::drain() {
   if (draining_ || shut_) return;
   draining_ = true;
-  for (auto outbox = core_.take_outbox(); !outbox.empty(); outbox = core_.take_outbox()) {
-    for (auto& [to, message] : outbox) {
-      const auto peer = peers_.find(to);
-      if (peer == peers_.end()) continue;
-      if (peer->second.deliver_local) {
-        peer->second.deliver_local(std::move(message));
-      } else if (std::holds_alternative<wire::Welcome>(message)) {
-        // A host cannot check the sequence of a manager whose incarnation it does not know yet.
-        if (const auto session = peer->second.link->session()) send_unsequenced(*session, message);
-      } else {
-        peer->second.link->send(wire::encode(message));
-      }
-    }
-  }
+  for (auto sendings = core_.take_sendings(); !sendings.empty(); sendings = core_.take_sendings())
+    for (ManagerCore::Sending& s : sendings) send(s);
   for (const HostId gone : core_.take_gone()) {
     const auto peer = peers_.find(gone);
     if (peer == peers_.end()) continue;
@@ -209,6 +197,23 @@ void Manager::drain() {
   draining_ = false;
   ticker_->at(core_.deadline());
   if (config_.changed) config_.changed();
+}
+
+void Manager::send(ManagerCore::Sending& s) {
+  wire::Bytes encoded;  // once for all of them
+  for (const HostId to : s.to) {
+    const auto peer = peers_.find(to);
+    if (peer == peers_.end()) continue;
+    if (peer->second.deliver_local) {
+      peer->second.deliver_local(wire::Message(s.message));
+    } else if (std::holds_alternative<wire::Welcome>(s.message)) {
+      // A host cannot check the sequence of a manager whose incarnation it does not know yet.
+      if (const auto session = peer->second.link->session()) send_unsequenced(*session, s.message);
+    } else {
+      if (!encoded) encoded = wire::encode(s.message);
+      peer->second.link->send(encoded);
+    }
+  }
 }
 
 void Manager::tell_paging() {

@@ -42,6 +42,7 @@ class Manager {
   ManagerCore& core() { return core_; }
   // To be called after using core() in a way that may have filled its outbox.
   void drain();
+  void send(ManagerCore::Sending& s);
   void tell_paging();
   // The job is over: every connection is closed when what is queued has left. The io_context runs
   // dry then.

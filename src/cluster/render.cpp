@@ -13,6 +13,7 @@
 #include "cluster/fingerprint.h"
 #include "cluster/job_start.h"
 #include "cluster/local_host.h"
+#include "cluster/path_samples.h"
 #include "cluster/processes.h"
 #include "cluster/usage.h"
 #include "cluster/worker.h"
@@ -87,6 +88,7 @@ class RenderRun {
           split_scene(request_.scene, folder_, request_.split, warnings_));
       interrupts_.set_handler(nullptr);
     }
+    cpu_opened_ = cpu_seconds();
     overrides_ = request_.overrides;
     if ((request_.max_error || request_.max_time_s) && !overrides_.spp) overrides_.spp = kBoundedSpp;
     facts_.settings = job_settings(manifest_->scene, overrides_, warnings_);
@@ -149,6 +151,8 @@ class RenderRun {
       secrets_ = std::make_unique<TemporaryFolder>();
       c.token = write_token(secrets_->path() + "/token");
     }
+    parts_ = c.job.parts;
+    columns_ = c.job.start.columns();
     manager_ = std::make_unique<Manager>(io_, clock_, std::move(c));
     ManagerCore& core = manager_->core();
     if (checkpoint_) checkpoint_->restore(core, facts_.settings.spp);
@@ -230,6 +234,7 @@ class RenderRun {
     if (shut_ || !manager_) return;
     ManagerCore& core = manager_->core();
     if (checkpoint_) checkpoint_->record(core);
+    if (core.phase() == ManagerCore::Phase::rendering && cpu_begin_ == 0) cpu_begin_ = cpu_seconds();
     if (core.phase() == ManagerCore::Phase::failed) return fail(core.error());
     if (core.finished()) return shut();
     const std::uint32_t samples = core.complete_samples();
@@ -360,6 +365,8 @@ class RenderRun {
     keep(core, out);
     if (observer_.look) observer_.look({core, facts_, progress()});
     const std::uint32_t samples = samples_done();
+    out.render_cpu_s = cpu_begin_ > 0 ? cpu_seconds() - cpu_begin_ : 0;
+    out.load_cpu_s = cpu_begin_ > 0 ? cpu_begin_ - cpu_opened_ : 0;
     out.facts = std::move(facts_);
     out.spp_done = core.complete_samples();
     out.hosts = core.hosts();
@@ -399,7 +406,19 @@ class RenderRun {
     if (local_) out.engine_s = local_->engine_seconds();
     out.convergence = std::move(convergence_);
     out.wall_s = clock_.now();
+    if (request_.sample_paths != 0) out.model = model(out.facts.settings);
     return out;
+  }
+
+  sim::SceneModel model(const JobSettings& settings) const {
+    sim::SceneModel m;
+    m.columns = columns_;
+    m.manifest_bytes = std::filesystem::file_size(std::filesystem::path(folder_) / "manifest.bin");
+    for (std::size_t p = 0; p < parts_.size(); ++p)
+      m.parts.push_back({parts_[p], manifest_->parts[p].file_bytes, manifest_->parts[p].triangles});
+    for (const PrototypeInfo& p : manifest_->prototypes) m.prototype_bytes.push_back(p.loaded_bytes);
+    m.samples = sample_paths(folder_, *manifest_, settings, request_.sample_paths);
+    return m;
   }
 
   // The checkpoint, as it is now, is on the disk, or there is an error.
@@ -446,6 +465,9 @@ class RenderRun {
   std::uint32_t recorded_samples_ = 0, recorded_decisions_ = 0;
   std::vector<ConvergencePoint> convergence_;
   std::optional<Film::ErrorEstimate> estimate_;
+  std::vector<PlacementPart> parts_;
+  wire::ColumnSet columns_ = 0;
+  double cpu_opened_ = 0, cpu_begin_ = 0;
   double estimated_at_ = 0, alone_since_ = 0;
   bool said_alone_ = false;
 };

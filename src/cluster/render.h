@@ -14,6 +14,7 @@
 #include "net/address.h"
 #include "net/tls.h"
 #include "parts/split.h"
+#include "simulate/scene_model.h"
 #include "tasks/manager_core.h"
 
 namespace cloudrenderer {
@@ -42,6 +43,7 @@ struct RenderRequest {
   std::optional<Image> reference;
   std::string checkpoint;  // "": an interrupt leaves one where the observer says
   bool resume = false;
+  std::uint32_t sample_paths = 0;  // to be traced for RenderOutcome::model; one host in this process only
   std::string log_level = "warn";  // of hosts that are started here
 };
 
@@ -103,6 +105,9 @@ struct RenderOutcome {
   std::vector<ConvergencePoint> convergence;
   Film::ErrorEstimate estimate;
   std::map<HostId, ManagerCore::HostReport> hosts;
+  // Processor seconds of this process: until rendering began, from then to the last reply.
+  double load_cpu_s = 0, render_cpu_s = 0;
+  std::optional<sim::SceneModel> model;  // but for its costs, which follow from the rest
   std::array<double, 4> engine_s{};  // one host in this process: camera, trace, shade, occlusion
 };
 

@@ -62,20 +62,26 @@ class EndsByOwner {
 template <class Bucket>
 class Buckets {
  public:
-  explicit Buckets(const Routing& routing) : routing_(routing), buckets_(routing.hosts() + 1) {}
+  explicit Buckets(const Routing& routing) : routing_(routing), index_(routing.hosts() + 1, kNone) {}
   Bucket& at(Routing::Slot s) {
-    const bool remote = static_cast<bool>(remote_host(routing_, s));
-    return buckets_[remote ? s : routing_.hosts()];
+    const std::size_t slot = remote_host(routing_, s) ? s : routing_.hosts();
+    if (index_[slot] == kNone) {
+      index_[slot] = static_cast<std::uint32_t>(buckets_.size());
+      buckets_.emplace_back();
+    }
+    return buckets_[index_[slot]];
   }
   template <class F>
   void for_each(F f) {
-    for (std::size_t s = 0; s < buckets_.size(); ++s)
-      f(s < routing_.hosts() ? routing_.host(static_cast<Routing::Slot>(s)) : HostId(),
-        buckets_[s]);
+    for (std::size_t s = 0; s < index_.size(); ++s)
+      if (index_[s] != kNone)
+        f(s < routing_.hosts() ? routing_.host(static_cast<Routing::Slot>(s)) : HostId(), buckets_[index_[s]]);
   }
 
  private:
+  static constexpr std::uint32_t kNone = 0xffffffffu;
   const Routing& routing_;
+  std::vector<std::uint32_t> index_;  // by slot; a batch goes to few of many hosts
   std::vector<Bucket> buckets_;
 };
 

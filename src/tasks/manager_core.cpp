@@ -14,6 +14,17 @@ constexpr std::uint64_t kAbsurdMemory = std::uint64_t{1} << 50;
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
+constexpr double kMissedHeartbeats = 3;  // before a host is lost
+constexpr double kLoadMatters = 0.1, kLoadMattersShare = 0.1;  // seconds of queued work that others are told of, and share of it
+// Up to so many hosts everything is gone through whenever something happens; more are gone through from time to time.
+constexpr std::size_t kFew = 64;
+constexpr double kMost = 0.9;  // of these
+
+bool has_feature(const wire::Hello& hello, const std::string& feature) {
+  const auto& all = hello.features();
+  return all.empty() || std::find(all.begin(), all.end(), feature) != all.end();
+}
+
 std::string quoted(const std::string& text) { return text.empty() ? "unknown" : '"' + text + '"'; }
 
 }  // namespace
@@ -33,11 +44,14 @@ ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
       fingerprint_(options.fingerprint) {
   options_.round_samples = std::max(1u, options_.round_samples);
   options_.tile = std::clamp(options_.tile, 1u, 128u);
+  for (Holders* h : {&there_, &staying_}) {
+    h->of.assign(job_.parts.size(), 0);
+    h->unheld = job_.parts.empty() ? 0 : job_.parts.size() - 1;
+  }
+  told_heartbeat_ = options_.heartbeat_s;
   progress_.paths_total = job_.frame.pixels() * job_.spp;
   unassigned_paths_ = progress_.paths_total;
-  for (std::uint32_t r = 0; r < rounds(); ++r)
-    round_left_.push_back(job_.frame.pixels() *
-                          std::min(options_.round_samples, job_.spp - r * options_.round_samples));
+  count_rounds();
   allowed_rounds_ = options_.hold_rounds ? 1 : rounds();
   if (options_.fixed_tile != 0) set_tile(options_.fixed_tile);
 }
@@ -86,19 +100,23 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   h.entry.set_memory(hello.memory());
   h.entry.set_threads(hello.threads());
   h.entry.set_only_intersects(!h.traces());
+  h.can_hear_changes = has_feature(hello, "changes");
   reports_[id].hello = hello;
   reports_[id].joined = now;
 
   wire::Welcome welcome;
   welcome.set_host(id.value);
   welcome.set_incarnation(options_.incarnation);
-  welcome.set_heartbeat_s(options_.heartbeat_s);
+  welcome.set_heartbeat_s(told_heartbeat_);
   welcome.set_lost_after_s(options_.lost_after_s);
   send(id, std::move(welcome));
   send(id, job_.start);
   next_growth_ = now + options_.map_every_s;
   if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
-  if (phase_ != Phase::gathering) place_all(now);
+  if (hosts_.size() > kFew && phase_ != Phase::gathering)
+    placement_due_ = true;  // with those that come at the same time
+  else if (phase_ != Phase::gathering)
+    place_all(now);
   return id;
 }
 
@@ -121,41 +139,68 @@ std::uint64_t ManagerCore::main_bytes() const {
   return bytes;
 }
 
+// Who knows the last map hears what has changed.
 void ManagerCore::new_map(bool generation, const Plan* with_drops) {
   ++epoch_;
   if (generation) ++generation_;
-  wire::SceneHostMap map;
-  map.set_epoch(epoch_);
-  map.set_generation(generation_);
-  map.set_pause(pause_ != 0);
-  map.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
+  wire::SceneHostMap change;
+  change.set_epoch(epoch_);
+  change.set_generation(generation_);
+  change.set_pause(pause_ != 0);
+  change.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
   mapped_all_ = everything_held(true);
-  std::set<PartId> unheld = paged_;
-  for (auto& [id, h] : hosts_) {
-    if (!h.started) continue;
-    h.mapped = true;
-    h.mapped_parts = h.holds.size();
-    *map.add_hosts() = h.entry;
-    if (h.leaving && h.released != 0) continue;
-    if (h.holds.empty()) continue;
-    wire::Holding& holding = *map.add_holdings();
-    holding.set_host(id.value);
-    for (const PartId p : h.holds) {
-      holding.add_parts(p.value);
-      unheld.erase(p);
-      if (!h.leaving) paged_.erase(p);
-    }
-  }
-  for (const PartId p : unheld) map.add_paged(p.value);
+  if (!paged_.empty())
+    for (const auto& [id, h] : hosts_)
+      if (h.started && !h.leaving)
+        for (const PartId p : h.holds) paged_.erase(p);
+  for (std::uint32_t p = 1; p < job_.parts.size(); ++p)
+    if (paged_.contains(PartId(p)) && there_.of[p] == 0) change.add_paged(p);
   if (with_drops) {
     for (const auto& [id, parts] : with_drops->drop) {
-      wire::Holding& drops = *map.add_drops();
+      wire::Holding& drops = *change.add_drops();
       drops.set_host(id.value);
       for (const PartId p : parts) drops.add_parts(p.value);
     }
   }
-  for (const auto& [id, h] : hosts_)
-    if (h.mapped) send(id, map);
+  wire::SceneHostMap complete = change;
+  change.set_since(epoch_ - 1);
+  for (const std::uint32_t h : std::exchange(gone_since_map_, {})) change.add_gone(h);
+  std::vector<HostId> hear_change, hear_all;
+  for (auto& [id, h] : hosts_) {
+    if (!h.started) continue;
+    h.changed = h.changed || !h.mapped || h.holds.size() != h.mapped_parts;
+    h.mapped = true;
+    (h.can_hear_changes && h.told == epoch_ - 1 && epoch_ > 1 ? hear_change : hear_all).push_back(id);
+    h.told = epoch_;
+  }
+  const auto add = [](wire::SceneHostMap& map, HostId id, const Host& h) {
+    *map.add_hosts() = h.entry;
+    wire::Holding holding;
+    holding.set_host(id.value);
+    if (!h.leaving || h.released == 0)
+      for (const PartId p : h.holds) holding.add_parts(p.value);
+    // In a complete map hosts without parts are not named.
+    if (map.since() != 0 || holding.parts_size() != 0) *map.add_holdings() = std::move(holding);
+  };
+  for (auto& [id, h] : hosts_) {
+    if (!h.mapped) continue;
+    if (!hear_all.empty()) add(complete, id, h);
+    if (h.changed && !hear_change.empty()) add(change, id, h);
+    h.changed = false;
+    h.mapped_parts = h.holds.size();
+  }
+  const double news = static_cast<double>(change.ByteSizeLong()) * static_cast<double>(hosts_.size());
+  next_growth_ = std::max(next_growth_, last_now_ + std::max(hosts_.size() > kFew ? options_.heartbeat_s / 2 : options_.map_every_s,
+                                                             news / options_.news_bytes_per_s));
+  send(std::move(hear_change), std::move(change));
+  send(std::move(hear_all), std::move(complete));
+}
+
+ManagerCore::Outbox ManagerCore::take_outbox() {
+  Outbox out;
+  for (Sending& s : take_sendings())
+    for (const HostId to : s.to) out.emplace_back(to, s.message);
+  return out;
 }
 
 std::vector<PartId> ManagerCore::held_by(HostId host) const {
@@ -164,19 +209,63 @@ std::vector<PartId> ManagerCore::held_by(HostId host) const {
   return {h->second.holds.begin(), h->second.holds.end()};
 }
 
-void ManagerCore::send_host_list() {
-  wire::HostList list;
+// A heartbeat of thousands of hosts is slower than that of a few.
+double ManagerCore::heartbeat() const {
+  return std::max(options_.heartbeat_s, static_cast<double>(hosts_.size()) / options_.statuses_per_s);
+}
+
+double ManagerCore::lost_after() const {
+  return std::max(options_.lost_after_s, kMissedHeartbeats * told_heartbeat_);
+}
+
+void ManagerCore::send_host_list(double now) {
+  next_list_ = now + options_.heartbeat_s;
+  wire::HostList changes, complete;
+  std::vector<HostId> hear_changes, hear_all;
+  for (auto& [id, h] : hosts_) {
+    if (!h.mapped) continue;
+    (h.can_hear_changes ? hear_changes : hear_all).push_back(id);
+    const double load = h.entry.load_s();
+    if (std::abs(load - h.told_load) <= kLoadMatters + kLoadMattersShare * std::min(load, h.told_load)) continue;
+    h.told_load = load;
+    changes.add_changed(id.value);
+    changes.add_load_s(static_cast<float>(load));
+  }
+  if (hear_changes.size() + hear_all.size() < 2) return;
+  const double beat = heartbeat();
+  const bool other_beat = beat > 1.25 * told_heartbeat_ || beat < 0.8 * told_heartbeat_;
+  if (other_beat) changes.set_heartbeat_s(told_heartbeat_ = beat);
+  if (changes.changed_size() != 0 || other_beat) {
+    changes.set_number(++lists_);
+    next_list_ = now + std::max(options_.heartbeat_s, static_cast<double>(changes.ByteSizeLong()) *
+                                                          static_cast<double>(hear_changes.size()) / options_.news_bytes_per_s);
+    send(std::move(hear_changes), std::move(changes));
+  }
+  if (hear_all.empty()) return;
   for (const auto& [id, h] : hosts_)
-    if (h.mapped) *list.add_hosts() = h.entry;
-  if (list.hosts_size() < 2) return;
-  for (const auto& [id, h] : hosts_)
-    if (h.mapped) send(id, list);
+    if (h.mapped) *complete.add_hosts() = h.entry;
+  send(std::move(hear_all), std::move(complete));
+}
+
+void ManagerCore::count_holds(const Host& h, int sign) {
+  if (!h.started) return;
+  const auto count = [&](Holders& holders) {
+    holders.tracers += static_cast<std::uint32_t>(h.traces() ? sign : 0);
+    for (const PartId p : h.holds) {
+      std::uint32_t& n = holders.of[p.value];
+      if (sign > 0 && n == 0) --holders.unheld;
+      n += static_cast<std::uint32_t>(sign);
+      if (n == 0) ++holders.unheld;
+    }
+  };
+  if (!h.leaving || h.released == 0) count(there_);
+  if (!h.leaving) count(staying_);
 }
 
 void ManagerCore::receive(HostId from, wire::Message message, double now) {
   const auto it = hosts_.find(from);
   if (it == hosts_.end() || finished()) return void(++progress_.dropped_messages);
-  it->second.heard = now;
+  it->second.heard = last_now_ = now;
   std::visit([&](auto& m) { handle(from, it->second, m, now); }, message);
 }
 
@@ -193,6 +282,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
     if (hosts_.empty() || (traced && std::none_of(hosts_.begin(), hosts_.end(), can_go_on))) fail(why, now);
     return;
   }
+  count_holds(h, -1);
   if (!h.started) h.unforeseen = m.bytes_used() - std::min(m.bytes_used(), main_bytes());
   h.started = true;
   for (const std::uint32_t p : m.unloaded())
@@ -200,6 +290,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
       h.unloading.erase(it);
   for (const std::uint32_t p : m.loaded())
     if (h.wanted.contains(PartId(p)) && !h.unloading.contains(PartId(p))) h.holds.insert(PartId(p));
+  count_holds(h, 1);
   bool declined = false;
   for (const std::uint32_t p : m.declined()) {
     if (h.unloading.contains(PartId(p))) continue;
@@ -211,17 +302,29 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
   if (!finished()) check_loaded(now);
 }
 
+// One holder of each part would get the segments of all hosts, and what has been sent to it stays there. So where hosts
+// are many most of them have everything before anybody begins.
+bool ManagerCore::enough_complete() const {
+  if (hosts_.size() <= kFew) return true;
+  if (last_now_ < next_look_) return false;
+  const auto complete = std::ranges::count_if(hosts_, [](const auto& h) { return h.second.complete(); });
+  return static_cast<double>(complete) >= kMost * static_cast<double>(hosts_.size());
+}
+
 void ManagerCore::check_loaded(double now) {
-  if (phase_ == Phase::loading && everything_held(true)) return begin_rendering(now);
+  if (phase_ == Phase::loading && everything_held(true) && enough_complete()) return begin_rendering(now);
   if (phase_ != Phase::rendering) return;
+  if (hosts_.size() > kFew && now < next_growth_ && (mapped_all_ || !everything_held(true)))
+    return hand_out(now);
   const bool more = std::any_of(hosts_.begin(), hosts_.end(), [&](const auto& e) {
     const Host& h = e.second;
     return !h.leaving && (h.complete() || (!h.holds.empty() && now >= next_growth_)) &&
            (!h.mapped || h.holds.size() != h.mapped_parts);
   });
   if (more || (!mapped_all_ && everything_held(true))) {
+    last_now_ = now;
+    next_growth_ = 0;
     new_map(false);
-    next_growth_ = now + options_.map_every_s;
   }
   std::vector<HostId> leaving;
   for (const auto& [id, h] : hosts_)
@@ -239,6 +342,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
   if (static_cast<std::size_t>(m.visits_size()) == job_.parts.size())
     visits_[from].assign(m.visits().begin(), m.visits().end());
   reports_[from].last = m;
+  finals_ += (m.final() ? 1u : 0u) - (h.final ? 1u : 0u);
   h.final = m.final();
   h.status = std::move(m);
   end_pause(now);
@@ -248,7 +352,9 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
 
 void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
   if (h.leaving) return;
-  h.leaving = true;
+  count_holds(h, -1);
+  h.leaving = h.changed = true;
+  count_holds(h, 1);
   h.entry.set_leaving(true);
   if (phase_ != Phase::gathering) place_all(now);
   if (!finished()) make_room(now);
@@ -269,7 +375,10 @@ void ManagerCore::try_release(HostId id, double now) {
         return e.second.leaving || !e.second.traces();
       });
       if (!last && !everything_held(false)) return;
+      count_holds(h, -1);
       h.released = epoch_ + 1;
+      h.changed = true;
+      count_holds(h, 1);
       new_map(false);
       return;
     }
@@ -288,6 +397,10 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   const auto it = hosts_.find(id);
   if (it == hosts_.end()) return;
   const bool mapped = it->second.mapped;
+  last_now_ = now;
+  if (mapped) gone_since_map_.push_back(id.value);
+  count_holds(it->second, -1);
+  if (it->second.final) --finals_;
   hosts_.erase(it);
   gone_.push_back(id);
   unreachable_since_.erase(id);
@@ -349,6 +462,7 @@ void ManagerCore::check_unreachable(double now) {
 
 void ManagerCore::tick(double now) {
   next_tick_ = now + 0.5 * options_.heartbeat_s;
+  last_now_ = now;
   if (finished()) return;
   // Who was away itself (stopped, its machine moved) cannot say who was silent meanwhile.
   if (last_tick_ && now - *last_tick_ > 0.5 * options_.lost_after_s)
@@ -356,14 +470,16 @@ void ManagerCore::tick(double now) {
   last_tick_ = now;
   std::vector<HostId> silent;
   for (const auto& [id, h] : hosts_)
-    if (now - h.heard > options_.lost_after_s) silent.push_back(id);
+    if (now - h.heard > lost_after()) silent.push_back(id);
   for (const HostId id : silent) remove(id, true, now);
   check_unreachable(now);
-  if (no_room_since_ && !finished()) place_all(now);
-  if (phase_ == Phase::rendering && now >= next_list_) {
-    next_list_ = now + options_.heartbeat_s;
-    send_host_list();
+  if ((no_room_since_ || std::exchange(placement_due_, false)) && !finished()) place_all(now);
+  if (hosts_.size() > kFew && (phase_ == Phase::loading || (phase_ == Phase::rendering && now >= next_growth_))) {
+    next_look_ = now;
+    check_loaded(now);
+    next_look_ = std::numeric_limits<double>::infinity();  // reports alone are no reason to look at all hosts
   }
+  if (phase_ == Phase::rendering && now >= next_list_) send_host_list(now);
   if (phase_ == Phase::rendering) hand_out(now);
   check_final(now);
 }

@@ -34,10 +34,16 @@ struct ManagerOptions {
   double lost_after_s = 3;           // without any message of a host
   double end_wait_s = 3;             // for final counters
   double map_every_s = 1;            // the others learn what a host has loaded before it has all
+  // What may be said in a second, of loads and of what more has been loaded, to all hosts together: where they are
+  // thousands it is said less often.
+  double news_bytes_per_s = 32e6;
+  double statuses_per_s = 4000;      // of all hosts: where they are thousands, each says less often how it is
   std::uint32_t tile = 32;           // pixels; smaller for small pictures
   std::uint32_t round_samples = 16;  // samples per pixel of a round; rounds follow each other
   bool hold_rounds = false;          // a round starts only after next_round()
   double task_seconds = 5;           // of work at most
+  std::uint32_t smallest_tile = 8;   // pixels: many hosts make tiles smaller, but not than this
+  std::uint64_t smallest_task = 512;  // paths; less is not worth a message
   std::uint32_t first_generation = 1;
   bool allow_inexact = false;
   // How long to wait for more hosts when the scene does not fit those that are there; then the job
@@ -65,6 +71,10 @@ class ManagerCore {
  public:
   enum class Phase { gathering, loading, rendering, ending, done, failed };
   using Outbox = std::vector<std::pair<HostId, wire::Message>>;
+  struct Sending {  // one message to many, which is encoded once
+    std::vector<HostId> to;
+    wire::Message message;
+  };
 
   ManagerCore(const ManagerOptions& options, JobSpec job);
 
@@ -77,7 +87,8 @@ class ManagerCore {
   void host_lost(HostId host, double now);
   void tick(double now);
   double deadline() const { return next_tick_; }
-  Outbox take_outbox() { return std::exchange(outbox_, {}); }
+  std::vector<Sending> take_sendings() { return std::exchange(outbox_, {}); }
+  Outbox take_outbox();  // the same, a message each
   // Hosts that the core has given up or let go since the last call: their links are to be closed.
   std::vector<HostId> take_gone() { return std::exchange(gone_, {}); }
 
@@ -165,6 +176,9 @@ class ManagerCore {
     bool started = false;          // has reported the job's main scene ready
     bool mapped = false;           // the hosts know it: it may hold parts and own renderer tasks
     std::size_t mapped_parts = 0;  // that the last map gave it
+    bool changed = false;          // since the last map
+    std::uint32_t told = 0;        // the last map that it was sent
+    double told_load = 0;          // that the others were told
     bool leaving = false, final = false;
     std::uint32_t released = 0;  // leaving: epoch from which on it is no holder
     std::set<PartId> holds;      // reported
@@ -176,6 +190,7 @@ class ManagerCore {
     std::uint64_t unforeseen =
         0;  // bytes of the main scene that no part's prediction has: textures
     bool complete() const { return started && holds.size() == wanted.size(); }
+    bool can_hear_changes = false;  // else it is told everything at every change
     bool traces() const { return can(hello, wire::TRACER); }  // else segments are asked of it, not moved
     double threads() const;  // as many as a host can sensibly have
     std::uint64_t outstanding_paths = 0;
@@ -212,6 +227,7 @@ class ManagerCore {
   std::vector<double> pressure() const;
   bool everything_held(bool by_leaving) const;
   bool everything_wanted(bool by_leaving) const;
+  bool enough_complete() const;
   std::optional<Plan> smaller_plan() const;
   void make_room(double now);
   void end_pause(double now);
@@ -221,7 +237,11 @@ class ManagerCore {
   std::uint64_t main_bytes() const;
   std::string instruction_sets() const;  // of the hosts that set the measure
   void new_map(bool generation, const Plan* with_drops = nullptr);
-  void send_host_list();
+  void send_host_list(double now);
+  double heartbeat() const;
+  double lost_after() const;
+  // What held_ counts of this host, and no more.
+  void count_holds(const Host& h, int sign);
   void handle(HostId from, Host& h, wire::LoadReport& m, double now);
   void handle(HostId from, Host& h, wire::Reply& m, double now);
   void handle(HostId from, Host& h, wire::Status& m, double now);
@@ -237,7 +257,9 @@ class ManagerCore {
 
   // manager_handout.cpp: renderer tasks and the end
   void begin_rendering(double now);
-  void hand_out(double now);
+  void hand_out(double now, HostId only = {});
+  enum class Turn { enough, given, nothing_left };
+  Turn give_one(HostId id, Host& h, double now);
   std::optional<RendererRange> next_range(std::uint64_t paths);
   static bool renders(const Host& h);
   double speed(const Host& h, double per_thread) const;
@@ -249,6 +271,8 @@ class ManagerCore {
   void merge(const RendererRange& range, std::span<const PixelSums> sums, std::span<const PixelFeatures> features);
   void set_tile(std::uint32_t tile);
   void begin_held_rounds();
+  void lengthen_rounds();
+  void count_rounds();
   bool held_to_the_end() const;
   SampleRange wanted(std::size_t tile) const;  // of the round that is handed out
   std::uint64_t missing_paths() const;
@@ -262,7 +286,10 @@ class ManagerCore {
   void begin_end(const std::string& reason, double now);
   void check_final(double now);
   void fail(const std::string& why, double now);
-  void send(HostId to, wire::Message m) { outbox_.emplace_back(to, std::move(m)); }
+  void send(HostId to, wire::Message m) { outbox_.push_back({{to}, std::move(m)}); }
+  void send(std::vector<HostId> to, wire::Message m) {
+    if (!to.empty()) outbox_.push_back({std::move(to), std::move(m)});
+  }
 
   ManagerOptions options_;
   JobSpec job_;
@@ -270,13 +297,29 @@ class ManagerCore {
   std::vector<PixelFeatures> features_;
   Phase phase_ = Phase::gathering;
   std::string error_;
-  Outbox outbox_;
+  std::vector<Sending> outbox_;
   std::vector<HostId> gone_;
   std::map<HostId, Host> hosts_;
   std::map<HostId, HostReport> reports_;
   std::uint32_t next_host_ = 1;
   std::uint32_t epoch_ = 0, generation_ = 0;
   bool mapped_all_ = false;  // every part had a holder in the last map
+  std::vector<std::uint32_t> gone_since_map_;
+  std::uint32_t lists_ = 0;
+  double told_heartbeat_ = 0;
+  // Holders of each part among started hosts: that have not been released, and of these that do not leave. So that hosts
+  // and parts need not be gone through at every message.
+  struct Holders {
+    std::vector<std::uint32_t> of;  // by part
+    std::size_t unheld = 0;         // parts
+    std::uint32_t tracers = 0;
+  };
+  Holders there_, staying_;
+  std::size_t finals_ = 0;       // hosts that have said their last
+  double next_turn_ = 0;         // when tasks are handed out to all hosts again
+  double next_again_ = 0;        // when second copies are
+  double per_thread_ = 1, total_speed_ = 0;
+  bool placement_due_ = false;
   std::set<PartId> paged_;   // parts that have none, for want of memory: hosts load them for a while
   std::optional<std::uint64_t> fingerprint_;
   bool bit_exact_ = true;
@@ -304,6 +347,8 @@ class ManagerCore {
 
   Progress progress_;
   std::optional<double> last_tick_;
+  double last_now_ = 0;
+  double next_look_ = std::numeric_limits<double>::infinity();  // at how many hosts have loaded everything
   double next_growth_ = 0;  // of the map, by hosts that still load
   ProgressRecord record_;  // of the paths in the film
   double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();

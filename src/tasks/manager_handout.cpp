@@ -7,10 +7,14 @@
 namespace cloudrenderer {
 namespace {
 
-constexpr std::uint64_t kSmallestTask = 512;  // paths; less is not worth a message
 constexpr std::uint64_t kDefaultCredits = 131072;
 constexpr std::uint64_t kMostCredits = std::uint64_t{1} << 40;  // believed
 constexpr std::uint32_t kTasksPerHost = 8;                      // at least, by the size of tiles
+// Up to so many hosts all are looked at whenever a task is done. Of more, only the one that has done it; the others in
+// turns, between which there is a pause for each host.
+constexpr std::size_t kFew = 64;
+constexpr double kTurnPause = 2e-5;
+constexpr std::uint32_t kMostTasksPerHost = 32;  // of many hosts: more replies than needed are work for the manager
 
 // Whether a reply has sums for every pixel, and every sample once: counted or invalid.
 bool fits(const wire::RendererReply& r, const RendererRange& range, bool features) {
@@ -38,14 +42,36 @@ void ManagerCore::begin_rendering(double now) {
       std::uint64_t{kTasksPerHost} * std::max<std::size_t>(hosts_.size(), options_.min_hosts);
   for (std::uint32_t tile = options_.tile; options_.fixed_tile == 0; tile /= 2) {
     set_tile(tile);
-    if (tile <= 8 || std::uint64_t{covered_.size()} * rounds() >= wanted) break;
+    if (tile <= options_.smallest_tile || std::uint64_t{covered_.size()} * rounds() >= wanted) break;
   }
-  if (options_.hold_rounds) begin_held_rounds();
+  if (options_.hold_rounds)
+    begin_held_rounds();
+  else if (hosts_.size() > kFew)
+    lengthen_rounds();
   advance_cursor();
   for (auto& [id, h] : hosts_) h.rate_since = now;
   new_map(false);
   hand_out(now);
   check_end(now);
+}
+
+// Before the first is handed out.
+void ManagerCore::lengthen_rounds() {
+  const std::uint64_t most = std::uint64_t{kMostTasksPerHost} * hosts_.size();
+  while (std::uint64_t{covered_.size()} * rounds() > most && options_.round_samples < job_.spp) options_.round_samples *= 2;
+  count_rounds();
+  const std::uint64_t done = progress_.paths_done;
+  progress_.paths_done = 0;
+  const std::vector<SampleSet> covered = std::exchange(covered_, std::vector<SampleSet>(covered_.size()));
+  for (std::size_t tile = 0; tile < covered.size(); ++tile)
+    for (const SampleRange& s : covered[tile].ranges()) cover(tile, s);
+  progress_.paths_done = done;
+}
+
+void ManagerCore::count_rounds() {
+  round_left_.clear();
+  for (std::uint32_t r = 0; r < rounds(); ++r)
+    round_left_.push_back(job_.frame.pixels() * std::min(options_.round_samples, job_.spp - r * options_.round_samples));
 }
 
 void ManagerCore::set_tile(std::uint32_t tile) {
@@ -188,69 +214,87 @@ std::uint64_t ManagerCore::task_paths(const Host& h, double share) const {
     paths = std::min(paths,
                      static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
   const double rest = share * static_cast<double>(unassigned_paths_);
-  return std::min(paths, std::max(kSmallestTask, static_cast<std::uint64_t>(rest / 4)));
+  return std::min(paths, std::max(options_.smallest_task, static_cast<std::uint64_t>(rest / 4)));
 }
 
-void ManagerCore::hand_out(double now) {
+void ManagerCore::hand_out(double now, HostId only) {
   if (phase_ != Phase::rendering || stopped_ || !everything_held(true)) return;
-  double known = 0, threads = 0, total = 0;
+  if (hosts_.size() > kFew && now < next_turn_) {
+    const auto it = hosts_.find(only);
+    if (it == hosts_.end() || !renders(it->second)) return;
+    Turn turn = Turn::given;
+    while (turn == Turn::given) turn = give_one(only, it->second, now);
+    if (turn == Turn::nothing_left) give_again(now);
+    return;
+  }
+  next_turn_ = now + kTurnPause * static_cast<double>(hosts_.size());
+  double known = 0, threads = 0;
   for (const auto& [id, h] : hosts_) {
     if (!renders(h) || h.paths_per_s <= 0) continue;
     known += h.paths_per_s;
     threads += h.threads();
   }
-  const double per_thread = known > 0 ? known / threads : 1;
+  per_thread_ = known > 0 ? known / threads : 1;
+  total_speed_ = 0;
   for (const auto& [id, h] : hosts_)
-    if (renders(h)) total += speed(h, per_thread);
-  for (bool more = total > 0; more;) {  // one each in turn
+    if (renders(h)) total_speed_ += speed(h, per_thread_);
+  for (bool more = total_speed_ > 0; more;) {  // one each in turn
     more = false;
     for (auto& [id, h] : hosts_) {
       if (!renders(h)) continue;
-      const double share = speed(h, per_thread) / total;
-      std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
-      if (!paged_.empty()) credits = std::max(credits, h.hello.paging_credits());
-      credits = std::min(credits, kMostCredits);
-      const std::uint64_t enough = std::max(
-          task_paths(h, share),
-          static_cast<std::uint64_t>(share * static_cast<double>(unassigned_paths_) / 2));
-      if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, enough))
-        continue;
-      const auto range = next_range(task_paths(h, share));
-      if (!range) return give_again(now);
-      unassigned_paths_ -= range->paths();
-      give(id, h, *range, now);
-      more = true;
+      const Turn turn = give_one(id, h, now);
+      if (turn == Turn::nothing_left) return give_again(now);
+      more = more || turn == Turn::given;
     }
   }
+}
+
+// A task, unless the host has enough for now.
+ManagerCore::Turn ManagerCore::give_one(HostId id, Host& h, double now) {
+  const double share = speed(h, per_thread_) / std::max(total_speed_, speed(h, per_thread_));
+  std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
+  if (!paged_.empty()) credits = std::max(credits, h.hello.paging_credits());
+  credits = std::min(credits, kMostCredits);
+  const std::uint64_t enough = std::max(
+      task_paths(h, share), static_cast<std::uint64_t>(share * static_cast<double>(unassigned_paths_) / 2));
+  if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, enough)) return Turn::enough;
+  const auto range = next_range(task_paths(h, share));
+  if (!range) return Turn::nothing_left;
+  unassigned_paths_ -= range->paths();
+  give(id, h, *range, now);
+  return Turn::given;
 }
 
 // Nothing is left but what hosts are at. Those that have nothing get a second copy of what would
 // be done last: the end of the longest queue, which its host may not even have begun. The first
 // reply counts.
 void ManagerCore::give_again(double now) {
-  for (auto& [id, h] : hosts_) {
-    if (!renders(h) || h.outstanding_tasks != 0) continue;
-    // What has taken long will take as long again, whatever the host has done in the past.
-    const auto wait = [now](const Host& o) {
-      const double queue = o.paths_per_s > 0
-                               ? static_cast<double>(o.outstanding_paths) / o.paths_per_s
-                               : std::numeric_limits<double>::infinity();
-      return std::max(queue, now - o.fed);
-    };
-    auto last = outstanding_.end();
-    double longest = 0;
-    for (auto o = outstanding_.begin(); o != outstanding_.end(); ++o) {
-      if (o->second.twin != 0) continue;
-      const double its = wait(hosts_.at(o->second.host));
-      if (its < longest) continue;  // of one host's tasks the last
-      longest = its;
-      last = o;
-    }
-    if (last == outstanding_.end()) return;
-    const auto paths = static_cast<double>(last->second.range.paths());
-    if (h.paths_per_s > 0 && paths / h.paths_per_s >= longest) continue;  // it would be no help
-    const std::uint32_t task = last->first;
-    const std::uint32_t copy = give(id, h, last->second.range, now);
+  if (hosts_.size() > kFew) {
+    if (now < next_again_) return;
+    next_again_ = now + kTurnPause * static_cast<double>(hosts_.size());
+  }
+  std::vector<HostId> idle;
+  for (const auto& [id, h] : hosts_)
+    if (renders(h) && h.outstanding_tasks == 0) idle.push_back(id);
+  if (idle.empty()) return;
+  // What has taken long will take as long again, whatever the host has done in the past.
+  const auto wait = [now](const Host& o) {
+    const double queue = o.paths_per_s > 0 ? static_cast<double>(o.outstanding_paths) / o.paths_per_s
+                                           : std::numeric_limits<double>::infinity();
+    return std::max(queue, now - o.fed);
+  };
+  std::vector<std::pair<double, std::uint32_t>> waiting;  // for tasks of which there is no copy yet
+  for (const auto& [task, o] : outstanding_)
+    if (o.twin == 0) waiting.emplace_back(wait(hosts_.at(o.host)), task);
+  std::ranges::sort(waiting);  // the longest last, and of one host's tasks its last
+  for (const HostId id : idle) {
+    if (waiting.empty()) return;
+    const auto [longest, task] = waiting.back();
+    Host& h = hosts_.at(id);
+    const RendererRange range = outstanding_.at(task).range;
+    if (h.paths_per_s > 0 && static_cast<double>(range.paths()) / h.paths_per_s >= longest) continue;  // it would be no help
+    waiting.pop_back();
+    const std::uint32_t copy = give(id, h, range, now);
     outstanding_.at(task).twin = copy;
     outstanding_.at(copy).twin = task;
   }
@@ -340,7 +384,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   reports_[from].paths_done += static_cast<double>(paths);
   progress_.render_ended = now;
   record_.add(now, progress_.paths_done);
-  hand_out(now);
+  hand_out(now, from);
   check_end(now);
   if (h.leaving) try_release(from, now);
 }
@@ -431,16 +475,16 @@ void ManagerCore::begin_end(const std::string& reason, double now) {
   wire::JobEnd end;
   end.set_job(job_.start.job());
   end.set_reason(reason);
-  for (const auto& [id, h] : hosts_) send(id, end);
+  std::vector<HostId> all;
+  for (const auto& [id, h] : hosts_) all.push_back(id);
+  send(std::move(all), std::move(end));
   check_final(now);
 }
 
 // The counters of every host are in, or are not waited for any more.
 void ManagerCore::check_final(double now) {
   if (phase_ != Phase::ending) return;
-  const bool all =
-      std::all_of(hosts_.begin(), hosts_.end(), [](const auto& h) { return h.second.final; });
-  if (!all && now < end_deadline_) return;
+  if (finals_ < hosts_.size() && now < end_deadline_) return;
   phase_ = Phase::done;
   for (const auto& [id, h] : hosts_) gone_.push_back(id);
 }

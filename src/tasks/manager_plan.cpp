@@ -179,6 +179,8 @@ bool ManagerCore::adopt(const Plan& p) {
 void ManagerCore::drop(const Plan& p) {
   for (const auto& [id, parts] : p.drop) {
     Host& h = hosts_.at(id);
+    count_holds(h, -1);
+    h.changed = true;
     wire::UnloadParts m;
     for (const PartId part : parts) {
       h.wanted.erase(part);
@@ -186,6 +188,7 @@ void ManagerCore::drop(const Plan& p) {
       ++h.unloading[part];
       m.add_parts(part.value);
     }
+    count_holds(h, 1);
     if (phase_ != Phase::rendering || !h.mapped) send(id, std::move(m));
   }
 }
@@ -223,19 +226,11 @@ void ManagerCore::order(const Plan& p) {
 
 // Every part is held by a host that takes part, or (by_leaving) still does, or is nobody's by decision.
 bool ManagerCore::everything_held(bool by_leaving) const {
-  std::vector<bool> held(job_.parts.size());
-  std::size_t n = 1;
-  bool someone = false;
-  for (const auto& [id, h] : hosts_) {
-    if (!h.started || (h.leaving && (!by_leaving || h.released != 0))) continue;
-    someone = someone || h.traces();
-    for (const PartId p : h.holds) {
-      if (!held[p.value]) ++n;
-      held[p.value] = true;
-    }
-  }
-  for (const PartId p : paged_) n += held[p.value] ? 0 : 1;
-  return someone && n >= job_.parts.size();
+  const Holders& h = by_leaving ? there_ : staying_;
+  if (h.tracers == 0) return false;
+  std::size_t missing = h.unheld;
+  for (const PartId p : paged_) missing -= h.of[p.value] == 0 ? 1 : 0;
+  return missing == 0;
 }
 
 // Every part has been ordered at a host that takes part, or (by_leaving) still does.

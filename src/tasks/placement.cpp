@@ -10,6 +10,7 @@ namespace cloudrenderer {
 namespace {
 
 constexpr std::size_t kNobody = ~std::size_t{0};
+constexpr std::size_t kFew = 64;  // hosts that are all compared; of more the first that suits, in a random order
 
 std::string mebibytes(std::uint64_t bytes) {
   return std::to_string((bytes + (1u << 20) - 1) >> 20) + " MiB";
@@ -74,21 +75,27 @@ class Placer {
   // What every host must hold, while it is built.
   std::uint64_t main_bytes() const { return cost({}, 0) + in_.parts[0].build; }
 
-  // One more copy of every part that has not more than `copy` of them. False if some part found no
-  // room.
-  bool pass(std::uint32_t copy, bool neighbours) {
-    bool all = true;
+  enum class Pass { all, some, nothing };
+  // One more copy of every part that has not more than `copy` of them: all found room, or some, or none has a copy more
+  // and none ever will.
+  Pass pass(std::uint32_t copy, bool neighbours) {
+    bool all = true, hope = false;
     std::size_t last = kNobody;
     for (const std::size_t p : order_) {
-      if (copies_[p] > copy) continue;
+      if (copies_[p] > copy) {
+        hope = hope || copies_[p] < hosts_.size();
+        continue;
+      }
       const std::size_t h = neighbours ? choose(p, copy, last) : roomiest(p, copy);
       last = h;
-      if (h == kNobody)
+      if (h == kNobody) {
         all = false;
-      else
+      } else {
         add(h, p);
+        hope = true;
+      }
     }
-    return all;
+    return all ? Pass::all : hope ? Pass::some : Pass::nothing;
   }
 
   // Sets room aside for one part that comes and goes, whichever it is. False: a host has not got it.
@@ -189,6 +196,16 @@ class Placer {
     if (last != kNobody && can_take(last, p, spare) && balanced(last, p, copy + 1))
       return last;  // beside its neighbour
     std::size_t best = kNobody;
+    if (hosts_.size() > kFew) {
+      const std::uint64_t dice = mix64(in_.seed ^ mix64(p) ^ copy);
+      for (std::size_t i = 0; i < hosts_.size(); ++i) {
+        const std::size_t h = (dice + i) % hosts_.size();
+        if (!can_take(h, p, spare)) continue;
+        if (balanced(h, p, copy + 1)) return h;
+        if (best == kNobody) best = h;
+      }
+      return best;
+    }
     std::pair<bool, std::uint64_t> best_rank{};
     for (std::size_t h = 0; h < hosts_.size(); ++h) {
       if (!can_take(h, p, spare)) continue;
@@ -251,11 +268,12 @@ Result<std::vector<std::vector<PartId>>> place(const PlacementInput& input) {
     }
     if (spread) placer.spread_visited(copies);
     bool all = true;
-    for (std::uint32_t c = 0; c < copies && all; ++c) all = placer.pass(c, neighbours);
+    for (std::uint32_t c = 0; c < copies && all; ++c) all = placer.pass(c, neighbours) == Placer::Pass::all;
     if (!all) continue;
     // What is left of the memory saves moves.
     placer.prefer_visited();
-    for (auto c = copies; c < input.hosts.size(); ++c) placer.pass(c, neighbours);
+    for (auto c = copies; c < input.hosts.size(); ++c)
+      if (placer.pass(c, neighbours) == Placer::Pass::nothing) break;
     return placer.result();
   }
   return Placement::failure("the parts need " + mebibytes(needed * copies) + " (" +

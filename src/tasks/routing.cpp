@@ -12,68 +12,43 @@ constexpr float kAskingCosts = 0.1f;  // seconds of load: the answer is to be wa
 
 }  // namespace
 
-Routing::Routing(const wire::SceneHostMap& map, HostId self, float alpha)
-    : epoch_(map.epoch()),
-      generation_(map.generation()),
+Routing::Routing(ClusterMapPtr map, HostLoadsPtr loads, HostId self, float alpha)
+    : map_(std::move(map)),
+      loads_(std::move(loads)),
       self_(self),
+      own_(map_->slot(self)),
       alpha_(alpha),
-      words_((map.part_count() + 63) / 64) {
-  const std::size_t parts = map.part_count();
-  for (const wire::HostEntry& e : map.hosts()) {
-    hosts_.emplace_back(e.host());
-    load_.push_back(static_cast<float>(e.load_s()));
-    only_intersects_.push_back(e.only_intersects());
-  }
-  bits_.resize(hosts_.size() * words_);
-  std::vector<std::vector<Slot>> holders(parts);
-  for (const wire::Holding& h : map.holdings()) {
-    const Slot s = slot(HostId(h.host()));
-    if (s == kNoSlot) continue;
-    for (const std::uint32_t p : h.parts()) {
-      if (p == 0 || p >= parts || holds(s, PartId(p))) continue;
-      bits_[s * words_ + p / 64] |= std::uint64_t{1} << (p % 64);
-      holders[p].push_back(s);
-    }
-  }
-  for (const std::uint32_t p : map.paged()) {
-    paged_.resize(parts);
-    if (p < parts && holders[p].empty()) paged_[p] = true;
-  }
-  first_holder_.assign(parts + 1, 0);
-  target_.assign(parts, kNoSlot);
-  const Slot own = slot(self);
-  for (std::size_t p = 0; p < parts; ++p) {
-    auto& list = holders[p];
-    std::sort(list.begin(), list.end());
-    holder_slots_.insert(holder_slots_.end(), list.begin(), list.end());
-    first_holder_[p + 1] = static_cast<std::uint32_t>(holder_slots_.size());
-    if (p == 0 || (own != kNoSlot && holds(own, PartId(static_cast<std::uint32_t>(p))))) {
-      target_[p] = own;
-      continue;
-    }
-    float best = std::numeric_limits<float>::infinity();
-    std::uint64_t best_tie = 0;
-    for (const Slot s : list) {
-      const std::uint64_t tie =
-          mix64((std::uint64_t{self.value} << 40) ^ (std::uint64_t{p} << 16) ^ s);
-      const float rank = load_[s] + (only_intersects_[s] ? kAskingCosts : 0.f);
-      if (rank > best || (rank == best && tie <= best_tie)) continue;
-      best = rank;
-      best_tie = tie;
-      target_[p] = s;
-    }
-  }
+      targets_(std::make_unique<std::atomic<Slot>[]>(map_->part_count())) {
+  for (std::size_t p = 0; p < map_->part_count(); ++p) targets_[p].store(kNotKnown, std::memory_order_relaxed);
 }
 
-Routing::Slot Routing::slot(HostId h) const {
-  const auto it = std::find(hosts_.begin(), hosts_.end(), h);
-  return it == hosts_.end() ? kNoSlot : static_cast<Slot>(it - hosts_.begin());
+Routing::Routing(const wire::SceneHostMap& complete, HostId self, float alpha)
+    : Routing(std::make_shared<const ClusterMap>(complete), nullptr, self, alpha) {
+  loads_ = std::make_shared<const HostLoads>(*map_);
 }
 
-std::span<const Routing::Slot> Routing::holders(PartId p) const {
-  if (p.value >= part_count()) return {};
-  return std::span(holder_slots_)
-      .subspan(first_holder_[p.value], first_holder_[p.value + 1] - first_holder_[p.value]);
+// Threads that find it out at the same time find the same.
+Routing::Slot Routing::target(PartId p) const {
+  if (p.value >= part_count()) return kNoSlot;
+  Slot target = targets_[p.value].load(std::memory_order_relaxed);
+  if (target == kNotKnown) targets_[p.value].store(target = find_target(p), std::memory_order_relaxed);
+  return target;
+}
+
+Routing::Slot Routing::find_target(PartId p) const {
+  if (p.value == 0 || (own_ != kNoSlot && holds(own_, p))) return own_;
+  Slot target = kNoSlot;
+  float best = std::numeric_limits<float>::infinity();
+  std::uint64_t best_tie = 0;
+  for (const Slot s : holders(p)) {
+    const std::uint64_t tie = mix64((std::uint64_t{self_.value} << 40) ^ (std::uint64_t{p.value} << 16) ^ s);
+    const float rank = load(s) + (map_->only_intersects(s) ? kAskingCosts : 0.f);
+    if (rank > best || (rank == best && tie <= best_tie)) continue;
+    best = rank;
+    best_tie = tie;
+    target = s;
+  }
+  return target;
 }
 
 Routing::Slot cover_first(std::span<const PartId> needed, const Routing& routing) {

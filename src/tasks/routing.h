@@ -1,66 +1,66 @@
 #pragma once
 // Which host holds which part and how busy it is: an immutable snapshot that compute threads use
 // outside of any lock.
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include "base/id.h"
+#include "tasks/cluster_map.h"
 #include "wire/messages.h"
 
 namespace cloudrenderer {
 
 class Routing {
  public:
-  using Slot = std::uint16_t;  // index of a host in the snapshot
-  static constexpr Slot kNoSlot = 0xffff;
+  using Slot = ClusterMap::Slot;
+  static constexpr Slot kNoSlot = ClusterMap::kNoSlot;
 
   Routing() = default;
   // alpha weighs a host's load (seconds of queued work) against the number of hosts.
-  Routing(const wire::SceneHostMap& map, HostId self, float alpha);
+  Routing(ClusterMapPtr map, HostLoadsPtr loads, HostId self, float alpha);
+  Routing(const wire::SceneHostMap& complete, HostId self, float alpha);
 
-  std::uint32_t epoch() const { return epoch_; }
-  std::uint32_t generation() const { return generation_; }
+  const ClusterMapPtr& map() const { return map_; }
+  const HostLoadsPtr& loads() const { return loads_; }
+  std::uint32_t epoch() const { return map_->epoch(); }
+  std::uint32_t generation() const { return map_->generation(); }
   HostId self() const { return self_; }
   float alpha() const { return alpha_; }
-  std::size_t part_count() const { return target_.size(); }
-  std::size_t hosts() const { return hosts_.size(); }
-  HostId host(Slot s) const { return hosts_[s]; }
-  Slot slot(HostId h) const;  // kNoSlot when unknown
-  float load(Slot s) const { return load_[s]; }
+  std::size_t part_count() const { return map_->part_count(); }
+  std::size_t hosts() const { return map_->hosts(); }
+  HostId host(Slot s) const { return map_->host(s); }
+  Slot slot(HostId h) const { return map_->slot(h); }  // kNoSlot when unknown
+  float load(Slot s) const { return loads_->by_slot[s]; }
+  float most_load_of_others() const { return loads_->most_of_others(own_); }
   // The host is asked about segments, which stay where they are.
   bool only_intersects(HostId h) const {
     const Slot s = slot(h);
-    return s != kNoSlot && only_intersects_[s];
+    return s != kNoSlot && map_->only_intersects(s);
   }
-  bool holds(Slot s, PartId p) const {
-    return p.value == 0 || (p.value < part_count() &&
-                            (bits_[s * words_ + p.value / 64] >> (p.value % 64) & 1u) != 0);
-  }
+  bool holds(Slot s, PartId p) const { return map_->holds(s, p); }
   // No host is to hold the part: who needs it loads it for a while (SceneHostMap.paged).
-  bool paged(PartId p) const { return p.value < paged_.size() && paged_[p.value]; }
-  bool paging() const { return !paged_.empty(); }
+  bool paged(PartId p) const { return map_->paged(p); }
+  bool paging() const { return map_->paging(); }
   // Holders of a part in the order of slots; empty for an unknown part.
-  std::span<const Slot> holders(PartId p) const;
+  std::span<const Slot> holders(PartId p) const { return map_->holders(p); }
   // The host to which a segment goes whose nearest untested candidate is this part: this host
   // itself if it holds it, else the least loaded holder, rather one that segments can move to (holders of equal load share by a hash of
   // this host and the part); or kNoSlot.
-  Slot target(PartId p) const { return p.value < target_.size() ? target_[p.value] : kNoSlot; }
+  Slot target(PartId p) const;
 
  private:
-  std::uint32_t epoch_ = 0, generation_ = 0;
+  static constexpr Slot kNotKnown = 0xfffe;
+  Slot find_target(PartId p) const;
+
+  ClusterMapPtr map_ = std::make_shared<const ClusterMap>();
+  HostLoadsPtr loads_ = std::make_shared<const HostLoads>();
   HostId self_;
+  Slot own_ = kNoSlot;
   float alpha_ = 0;
-  std::size_t words_ = 0;
-  std::vector<HostId> hosts_;
-  std::vector<float> load_;
-  std::vector<bool> only_intersects_;
-  std::vector<std::uint64_t> bits_;          // host-major
-  std::vector<std::uint32_t> first_holder_;  // part -> range of holder_slots_
-  std::vector<Slot> holder_slots_;
-  std::vector<Slot> target_;
-  std::vector<bool> paged_;  // by part; empty: none
+  std::unique_ptr<std::atomic<Slot>[]> targets_;  // by part, as they are asked for: many never are
 };
 using RoutingPtr = std::shared_ptr<const Routing>;
 

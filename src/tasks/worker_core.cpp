@@ -42,7 +42,10 @@ void WorkerCore::tick(double now) {
 
 double WorkerCore::deadline() const {
   double t = next_status_;
-  for (const auto& [to, g] : gather_) {
+  for (const HostId to : filling_) {
+    const auto it = gather_.find(to);
+    if (it == gather_.end()) continue;
+    const Gather& g = it->second;
     if (!g.segments.empty()) t = std::min(t, g.segments_since + options_.block_age_s);
     if (!g.asks.empty()) t = std::min(t, g.asks_since + options_.block_age_s);
     if (!g.ends.empty() && known(to)) t = std::min(t, g.ends_since + options_.block_age_s);
@@ -167,7 +170,6 @@ void WorkerCore::forget_job() {
   own_ends_.clear();
   opened_.clear();
   collecting_ = list_missing_ = remaking_ = false;
-  map_.Clear();
   visits_.clear();
   visits_said_ = 0;
   seen_.clear();
@@ -212,33 +214,40 @@ void WorkerCore::unload(const std::vector<std::uint32_t>& parts, bool before_pat
 // ---- hosts
 // ----------------------------------------------------------------------------------------------------
 
-void WorkerCore::set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries) {
-  host_entries_.assign(entries.begin(), entries.end());
-  ++hosts_version_;
-}
-
 void WorkerCore::handle(HostId from, wire::HostList& m) {
-  if (from != kManager || !job_ || map_.epoch() == 0) return void(++dropped_);
-  set_hosts(m.hosts());
+  if (from != kManager || !job_ || routing_->epoch() == 0) return void(++dropped_);
+  if (m.heartbeat_s() > 0) options_.status_every_s = m.heartbeat_s();
   // Only loads are taken over: hosts come and go with a new map.
-  for (wire::HostEntry& e : *map_.mutable_hosts())
-    for (const wire::HostEntry& n : m.hosts())
-      if (n.host() == e.host()) e.set_load_s(n.load_s());
-  routing_ = std::make_shared<const Routing>(map_, self_, options_.alpha);
+  const ClusterMapPtr& map = routing_->map();
+  HostLoadsPtr loads = options_.maps ? options_.maps->loads(routing_->loads(), map, m)
+                                     : std::make_shared<const HostLoads>(*routing_->loads(), *map, m);
+  routing_ = std::make_shared<const Routing>(map, std::move(loads), self_, options_.alpha);
 }
 
 void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
-  if (from != kManager || !job_ || m.epoch() <= map_.epoch()) return void(++dropped_);
-  const bool again = map_.epoch() != 0 && m.generation() > map_.generation();
-  map_ = std::move(m);
-  set_hosts(map_.hosts());
-  routing_ = std::make_shared<const Routing>(map_, self_, options_.alpha);
-  for (const wire::HostEntry& e : map_.hosts()) seen_.emplace(e.host());
+  const ClusterMapPtr before = routing_->map();
+  if (from != kManager || !job_ || m.epoch() <= before->epoch() || (m.since() != 0 && m.since() != before->epoch()))
+    return void(++dropped_);
+  const bool again = before->epoch() != 0 && m.generation() > before->generation();
+  const ClusterMapPtr map = options_.maps ? options_.maps->map(before, m)
+                            : m.since() == 0 ? std::make_shared<const ClusterMap>(m)
+                                             : std::make_shared<const ClusterMap>(*before, m);
+  // A complete map says all loads; what changes keep the others as they were.
+  const ClusterMap nobody;
+  const ClusterMap& base = m.since() == 0 ? nobody : *before;
+  HostLoadsPtr loads = options_.maps ? options_.maps->first_loads(map, base, *routing_->loads())
+                                     : std::make_shared<const HostLoads>(*map, base, *routing_->loads());
+  routing_ = std::make_shared<const Routing>(map, std::move(loads), self_, options_.alpha);
+  ++hosts_version_;
+  for (const wire::HostEntry& e : map->entries()) {
+    if (seen_.size() <= e.host()) seen_.resize(e.host() + 1);
+    seen_[e.host()] = true;
+  }
   // Once others hold all that this host held, it takes no more paths and can go when its own are
   // done.
-  const bool holder = std::any_of(map_.holdings().begin(), map_.holdings().end(),
-                                  [&](const wire::Holding& h) { return h.host() == self_.value; });
-  if (leaving_ && !holder) refuse_below_ = std::max(refuse_below_, map_.epoch());
+  const Routing::Slot own = map->slot(self_);
+  const bool holder = own != Routing::kNoSlot && map->holds_any(own);
+  if (leaving_ && !holder) refuse_below_ = std::max(refuse_below_, map->epoch());
   std::erase_if(unreachable_, [&](const auto& u) { return !known(u.first); });
   if (again) {
     // A host was lost with paths that nobody can tell: every owner makes what it still lacks once
@@ -246,7 +255,7 @@ void WorkerCore::handle(HostId from, wire::SceneHostMap& m) {
     // once.
     forget_in_flight();
     if (!renderers_.empty()) list_missing_ = remaking_ = true;
-    for (const wire::Holding& d : map_.drops())
+    for (const wire::Holding& d : m.drops())
       if (d.host() == self_.value) unload({d.parts().begin(), d.parts().end()}, true);
   } else {
     regroup();

@@ -54,6 +54,7 @@ struct WorkerOptions {
   float alpha = 0.25f;    // load against hosts in the cover, 1/s
   // Instead of path_credits while parts are paged: the more paths wait, the more rays share the loading of a part.
   std::uint64_t paging_credits = 1u << 20;
+  std::shared_ptr<SharedMaps> maps;  // null: this core makes its own
 };
 
 // What only the driver knows, for the report.
@@ -90,8 +91,8 @@ class WorkerCore {
   // Asks the manager for leave; the host works on until left().
   void leave(const std::string& reason);
   bool left() const { return left_; }
-  // Where peers are, of the last list; changes with hosts_version().
-  const std::vector<wire::HostEntry>& hosts() const { return host_entries_; }
+  // Where peers are, of the last map; changes with hosts_version().
+  const std::vector<wire::HostEntry>& hosts() const { return routing_->map()->entries(); }
   std::uint64_t hosts_version() const { return hosts_version_; }
 
   // ---- for the report, tests and the simulation ----
@@ -161,12 +162,11 @@ class WorkerCore {
   void forget_cancelled();
   void submit_renderer(Uuid id, const RendererRange& range);
   void submit_block(HostId from, wire::SubmitTask& m);
-  void set_hosts(const google::protobuf::RepeatedPtrField<wire::HostEntry>& entries);
   void forget_in_flight();  // all path work but renderer tasks and path ends
   void forget_job();
   void regroup();
   bool known(HostId h) const { return routing_->slot(h) != Routing::kNoSlot; }
-  bool gone(HostId h) const { return !known(h) && seen_.contains(h); }
+  bool gone(HostId h) const { return !known(h) && h.value < seen_.size() && seen_[h.value]; }
   void unload(const std::vector<std::uint32_t>& parts, bool before_paths);
   void end_job(const std::string& reason);
 
@@ -240,13 +240,11 @@ class WorkerCore {
   bool job_ready_ = false;
   wire::ColumnSet columns_ = wire::kAllColumns;
   RoutingPtr routing_ = std::make_shared<const Routing>();
-  wire::SceneHostMap map_;  // of the routing; loads are renewed by host lists
   std::uint32_t refuse_below_ =
       0;  // epoch: blocks routed by an older map may ask for unloaded parts
-  std::vector<wire::HostEntry> host_entries_;
   std::uint64_t hosts_version_ = 0;
   std::map<HostId, double> unreachable_;  // and when an attempt failed last
-  std::set<HostId> seen_;  // hosts of all maps of this job: what is not in it is yet to come
+  std::vector<bool> seen_;  // by number, hosts of all maps of this job: what is not in it is yet to come
 
   // tasks
   std::uint64_t next_number_ = 1;
@@ -261,6 +259,7 @@ class WorkerCore {
   std::deque<Ready<ResolveWork::Answered>> ready_resolve_;
   std::deque<Ready<Work>> ready_load_;
   std::map<HostId, Gather> gather_;
+  std::set<HostId> filling_;  // for whom something gathers
   struct Stranded {
     double since;
     Uuid id;

@@ -92,6 +92,7 @@ void WorkerCore::gather(HostId to, KeptSegments kept) {
     return;
   }
   Gather& g = gather_[to];
+  filling_.insert(to);
   if (g.segments.empty()) {
     Task& task = create(TaskCategory::tracer);
     task.target = to;
@@ -113,6 +114,7 @@ void WorkerCore::gather(HostId to, ParkedAsks asks) {
     return;
   }
   Gather& g = gather_[to];
+  filling_.insert(to);
   if (g.asks.empty()) {
     Task& task = create(TaskCategory::intersection);
     task.target = to;
@@ -131,6 +133,7 @@ void WorkerCore::gather_ends(HostId to, EndBatch ends) {
     return;
   }
   Gather& g = gather_[to];
+  filling_.insert(to);
   if (g.ends.empty()) {
     g.ends_since = now_;
     g.ends = std::move(ends);
@@ -155,7 +158,13 @@ void WorkerCore::flush(HostId to, Gather& g) {
 }
 
 void WorkerCore::flush_all() {
-  for (auto& [to, g] : gather_) flush(to, g);
+  for (auto it = filling_.begin(); it != filling_.end();) {
+    const auto gathered = gather_.find(*it);
+    if (gathered != gather_.end()) flush(*it, gathered->second);
+    const bool left = gathered != gather_.end() && (!gathered->second.segments.empty() || !gathered->second.asks.empty() ||
+                                                    !gathered->second.ends.empty());
+    it = left ? std::next(it) : filling_.erase(it);
+  }
 }
 
 void WorkerCore::send_segments(HostId to, Gather& g) {

@@ -31,14 +31,12 @@ std::uint64_t WorkerCore::live_paths() const {
 // What bounds memory: paths that exist always go on, new ones are made only while there is room for
 // them.
 bool WorkerCore::may_make_camera() const {
-  if (!job_ready_ || remaking_ || map_.pause() || routing_->epoch() == 0 || queued_ >= options_.low_mark)
+  if (!job_ready_ || remaking_ || routing_->map()->pause() || routing_->epoch() == 0 || queued_ >= options_.low_mark)
     return false;
   if (std::none_of(renderers_.begin(), renderers_.end(),
                    [](const auto& r) { return !r.second.to_make.empty(); }))
     return false;
-  for (const wire::HostEntry& e : host_entries_)
-    if (HostId(e.host()) != self_ && e.load_s() > static_cast<double>(options_.peer_load_limit_s))
-      return false;
+  if (routing_->most_load_of_others() > options_.peer_load_limit_s) return false;
   return live_paths() < credits();
 }
 
@@ -390,8 +388,8 @@ wire::Status WorkerCore::status() const {
   s.set_segments_per_s(speed);
   s.set_queued_segments(queued_);
   s.set_live_paths(live_paths());
-  s.set_epoch(map_.epoch());
-  s.set_generation(map_.generation());
+  s.set_epoch(routing_->epoch());
+  s.set_generation(routing_->generation());
   s.set_idle(idle() && drained_);
   s.mutable_tasks_in_state()->Assign(in_state_.begin(), in_state_.end() - 1);  // none stays in `end`
   wire::Counters& c = *s.mutable_counters();

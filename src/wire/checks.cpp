@@ -65,10 +65,19 @@ const char* check(const PeerHello& m) {
   return m.host() >= kMaxHosts ? "the host number is out of range" : nullptr;
 }
 
-const char* check(const HostList& m) { return check_entries(m.hosts()); }
+const char* check(const HostList& m) {
+  if (m.changed_size() != m.load_s_size()) return "as many loads as hosts are expected";
+  if (!all_below(m.changed(), kMaxHosts)) return "a host number is out of range";
+  for (const float load : m.load_s())
+    if (!is_load(load)) return "a host's load is no amount";
+  if (!is_amount(m.heartbeat_s())) return "a time is out of range";
+  return check_entries(m.hosts());
+}
 
 const char* check(const SceneHostMap& m) {
   if (m.part_count() > kMaxParts) return "too many parts";
+  if (m.since() > m.epoch()) return "a change of a later map";
+  if (!all_below(m.gone(), kMaxHosts)) return "a host number is out of range";
   for (const auto* list : {&m.holdings(), &m.drops()}) {
     for (const Holding& h : *list) {
       if (h.host() >= kMaxHosts) return "a host number is out of range";

@@ -6,6 +6,7 @@
 
 #include "cluster_node.h"
 #include "reference.h"
+#include "simulate/event_queue.h"
 
 namespace cloudrenderer::sim {
 namespace {
@@ -51,13 +52,6 @@ class Simulation {
   }
 
  private:
-  struct Event {
-    double at;
-    std::uint64_t order;
-    std::function<void()> what;
-    bool operator<(const Event& o) const { return at != o.at ? at > o.at : order > o.order; }
-  };
-
   static std::optional<CheckpointJob> header_of(std::span<const std::byte> journal) {
     const auto header = read_header(journal);
     return header ? *header : std::nullopt;
@@ -103,14 +97,10 @@ class Simulation {
     for (const TileSums& t : merged) encode_record(t, header_checksum(journal_), journal_);
   }
 
-  void at(double t, std::function<void()> what) {
-    events_.push({t, next_order_++, std::move(what)});
-  }
+  void at(double t, std::function<void()> what) { events_.at(t, std::move(what)); }
   void step() {
-    Event e = events_.top();
-    events_.pop();
-    now_ = std::max(now_, e.at);
-    e.what();
+    events_.step();
+    now_ = events_.now();
   }
   void fail(const std::string& why) {
     if (out_.error.empty())
@@ -449,8 +439,7 @@ class Simulation {
   Dice dice_;
   ManagerCore manager_;
   std::vector<std::unique_ptr<Node>> nodes_;  // by host number
-  std::priority_queue<Event> events_;
-  std::uint64_t next_order_ = 0;
+  EventQueue events_;
   double now_ = 0;
   bool stopped_ = false, cancelled_ = false;
   std::set<std::pair<HostId, HostId>> cut_;

@@ -3,16 +3,14 @@
 // that loses, doubles, delays and reorders frames, and hosts that join late, leave and die. A pure
 // function of the seed.
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
-#include <queue>
 #include <set>
 #include <string>
 #include <vector>
 
-#include "base/random.h"
 #include "made_up_engine.h"
+#include "simulate/dice.h"
 #include "tasks/link.h"
 #include "tasks/manager_core.h"
 #include "tasks/worker_core.h"
@@ -20,21 +18,6 @@
 namespace cloudrenderer::sim {
 
 inline constexpr std::uint64_t kPartBytes = 100;  // a part has up to a fifth more
-
-class Dice {
- public:
-  explicit Dice(std::uint64_t seed) : state_(mix64(seed + 0x1234567)) {}
-  std::uint64_t bits() { return mix64(state_ += 0x9e3779b97f4a7c15u); }
-  std::uint64_t below(std::uint64_t n) { return bits() % n; }
-  std::uint32_t between(std::uint32_t lo, std::uint32_t hi) {  // both included
-    return lo + static_cast<std::uint32_t>(below(std::uint64_t{hi} - lo + 1));
-  }
-  double real() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
-  bool chance(double p) { return real() < p; }
-
- private:
-  std::uint64_t state_;
-};
 
 struct Scenario {
   std::uint64_t seed = 0;

@@ -1,0 +1,24 @@
+#include <algorithm>
+
+#include "simulate/simulation.h"
+
+namespace cloudrenderer::sim {
+namespace {
+
+constexpr double kPathsARun = 1.2e6;          // simulated ones, that a run takes on when nothing is said
+constexpr std::uint32_t kRealRound = 16;  // samples
+
+}  // namespace
+
+Grain choose_grain(const SceneModel& model, const ClusterPlan& plan) {
+  const double paths = static_cast<double>(model.width) * model.height * model.spp;
+  const bool many = plan.hosts > 64;  // whose rounds are longer (ManagerCore::lengthen_rounds)
+  const double wanted = plan.segment != 0 ? plan.segment : std::clamp(paths / kPathsARun, 1.0, many ? 4096.0 : 1024.0);
+  Grain g;
+  // Samples first: tiles keep their pixels, and with them their share of the parts.
+  while (g.paths() * 2 <= wanted && g.samples < (many ? 4 : 1) * kRealRound && g.samples * 2 <= model.spp) g.samples *= 2;
+  while (g.paths() * 4 <= wanted && g.side < 8) g.side *= 2;
+  return g;
+}
+
+}  // namespace cloudrenderer::sim

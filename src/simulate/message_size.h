@@ -1,0 +1,15 @@
+#pragma once
+#include "wire/messages.h"
+
+namespace cloudrenderer::sim {
+
+// Of what workers say to each other.
+struct MessageSize {
+  double bytes = 0, messages = 1;
+};
+// Of the real messages that a simulated one stands for, with `weight` real paths a path. A real batch has `weight` times
+// as many segments that leave (`per_batch` simulated ones), for the same hosts (`peers`): of n segments for T hosts,
+// whichever they are, T (1 - exp(-n / T)) get some.
+MessageSize size_of(const wire::Message& m, double weight, double per_batch, std::size_t peers);
+
+}  // namespace cloudrenderer::sim
