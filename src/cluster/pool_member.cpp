@@ -310,7 +310,7 @@ class PoolMember {
     tell_at_ = clock_.now() + 0.9 * heartbeat_s_;
     wire::PoolStatus status;
     const auto send = [&] {
-      status.set_cpu_s(clock_seconds(CLOCK_PROCESS_CPUTIME_ID));
+      status.set_cpu_s(clock_seconds(CLOCK_PROCESS_CPUTIME_ID) - began_cpu_s_);
       status.set_memory_used(host_->cache->bytes());
       status.set_memory_peak(host_->cache->peak_bytes());
       link_->send(wire::encode(status));
@@ -330,6 +330,7 @@ class PoolMember {
   const WorkerConfig config_;
   const std::shared_ptr<const Tls> tls_;
   const std::uint64_t incarnation_;
+  const double began_cpu_s_ = clock_seconds(CLOCK_PROCESS_CPUTIME_ID);
   Clock clock_;
   asio::io_context io_{1};
   const std::shared_ptr<SharedHost> host_;
