@@ -211,6 +211,7 @@ class PoolMember {
   }
 
   void leave_order(Order&& order) {
+    if (!order.run->working()) return;  // through already
     order.run->stop();
     leaving_orders_.push_back(std::move(order.run));
     leaving_jobs_.push_back(order.job);
