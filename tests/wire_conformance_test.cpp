@@ -274,6 +274,9 @@ std::vector<std::pair<std::string, Message>> messages() {
   change.set_part_count(9);
   change.set_epoch(10);
   add("scene_host_map_change", change);
+  add("pool_welcome", filled<PoolWelcome>());
+  add("pool_orders", filled<PoolOrders>());
+  add("pool_status", filled<PoolStatus>());
   return all;
 }
 
@@ -288,7 +291,7 @@ TEST(Conformance, RecordedFramesAreWhatTheCodecMakes) {
     EXPECT_EQ(meaning(*decoded), meaning(message)) << name;
     const std::size_t type = message.index();
     seen[type] = true;
-    const bool handshake = type <= 5;
+    const bool handshake = type <= 5 || std::holds_alternative<PoolWelcome>(message);
     const LinkHeader link = handshake ? LinkHeader{} : LinkHeader{0x1234567, ++sequence, 3, 5};
     const Bytes payload = encode(message);
     const auto header = encode_frame_header(link, payload->size());
