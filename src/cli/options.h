@@ -47,6 +47,7 @@ struct InfoOptions {
   std::string scene;
   bool language = false;  // print docs/language.md instead
   std::optional<Dialect> dialect;
+  std::string confine;
 };
 
 struct HelpText {  // asked for: printed, exit code 0

@@ -74,7 +74,13 @@ void add_log(CLI::App& app, LogOptions& log) {
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}));
 }
 
-void add_split(CLI::App& app, Texts& t) {
+void add_confine(CLI::App& app, std::string& folder) {
+  app.add_option("--confine", folder, "refuse scenes that name a file outside of this folder, links resolved")
+      ->check(CLI::ExistingDirectory);
+}
+
+void add_split(CLI::App& app, Texts& t, std::string& confine) {
+  add_confine(app, confine);
   app.add_option("--part-size", t.part_size, "memory of a loaded part at most (default 64MiB)");
   app.add_option("--dialect", t.dialect, "read the scene as pbrt v2, v3 or v4, whatever it looks like");
 }
@@ -118,7 +124,7 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--display", t.display, "HOST:PORT of the viewer tev, which shows the picture as it grows");
   app.add_flag("--quiet", o.quiet, "no progress");
   app.add_flag("--allow-inexact", o.request.allow_inexact, "take hosts whose arithmetic differs");
-  add_split(app, t);
+  add_split(app, t, o.request.split.confine);
   add_log(app, o.log);
 }
 
@@ -250,7 +256,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   split_app.add_option("scene", split.scene, "a .pbrt file")->required();
   split_app.add_option("-o,--output", split.output, "folder to write")->required();
   split_app.add_flag("--text", split.options.text, "also write the split as a pbrt scene");
-  add_split(split_app, t);
+  add_split(split_app, t, split.options.confine);
 
   CompareOptions compare;
   CLI::App& compare_app = *app.add_subcommand("compare", "compare a picture with a reference");
@@ -263,6 +269,7 @@ Command parse_command_line(int argc, const char* const* argv) {
       *app.add_subcommand("info", "what is in a scene or a split, and what is not supported");
   info_app.add_option("scene", info.scene, "a .pbrt file or a folder made by split");
   info_app.add_option("--dialect", t.dialect, "read the scene as pbrt v2, v3 or v4");
+  add_confine(info_app, info.confine);
   info_app.add_flag("--language", info.language,
                     "print what is read of the scene language instead (docs/language.md)");
 
