@@ -13,6 +13,8 @@ constexpr std::uint32_t kMaxHosts = 0xffff;  // a segment's owner has 16 bits
 constexpr std::uint32_t kMaxParts = 1u << 22;
 constexpr std::uint32_t kMaxResolution = 1u << 16;
 constexpr std::size_t kMaxText = 4096;
+constexpr int kMaxPoolJobs = 1024;  // in one message
+constexpr std::size_t kMaxJobName = 128;
 // Nobody makes camera rays while a host says that it is busy for long: one that says for ever would
 // stop them all.
 constexpr double kMaxLoad = 1e6;
@@ -26,6 +28,10 @@ bool is_text(const std::string& s) {
   return s.size() <= kMaxText && std::none_of(s.begin(), s.end(), [](char c) {
            return static_cast<unsigned char>(c) < ' ' || c == 0x7f;
          });
+}
+
+bool is_job_name(const std::string& s) {
+  return !s.empty() && s.size() <= kMaxJobName && is_text(s);
 }
 
 template <class Numbers>
@@ -50,7 +56,7 @@ const char* check_entries(const Entries& entries) {
 
 const char* check(const Hello& m) {
   if (!is_text(m.name()) || !is_text(m.listen()) || !is_text(m.instruction_set()) ||
-      !is_text(m.version()) || m.features_size() > 64)
+      !is_text(m.version()) || !is_text(m.kind()) || m.features_size() > 64)
     return "a name is too long, or no text";
   return nullptr;  // what the numbers may be the manager says, so that the host hears it
 }
@@ -118,6 +124,31 @@ const char* check(const BlobChunk& m) {
 const char* check(const Status& m) {
   if (static_cast<std::uint32_t>(m.visits_size()) > kMaxParts) return "no such part";
   return is_load(m.load_s()) && is_amount(m.segments_per_s()) ? nullptr : "the load is no amount";
+}
+
+const char* check(const PoolWelcome& m) {
+  return is_amount(m.heartbeat_s()) && is_amount(m.lost_after_s()) ? nullptr
+                                                                   : "a time is out of range";
+}
+
+const char* check(const PoolOrders& m) {
+  if (m.jobs_size() > kMaxPoolJobs) return "too many jobs";
+  for (const PoolJob& j : m.jobs()) {
+    if (!is_job_name(j.job())) return "a job's name is empty, too long, or no text";
+    if (!is_text(j.manager())) return "a manager's address is too long, or no text";
+    if (!is_amount(j.weight()) || j.weight() == 0) return "a weight is no amount";
+  }
+  return nullptr;
+}
+
+const char* check(const PoolStatus& m) {
+  if (m.jobs_size() > kMaxPoolJobs) return "too many jobs";
+  for (const PoolUse& u : m.jobs()) {
+    if (!is_job_name(u.job())) return "a job's name is empty, too long, or no text";
+    if (!is_amount(u.cpu_s()) || !is_amount(u.memory_byte_s()) || !is_amount(u.host_s()))
+      return "what a job used is no amount";
+  }
+  return is_amount(m.cpu_s()) ? nullptr : "what a job used is no amount";
 }
 
 }  // namespace cloudrenderer::wire

@@ -16,6 +16,9 @@ const char* check(const LoadReport& m);
 const char* check(const BlobRequest& m);
 const char* check(const BlobChunk& m);
 const char* check(const Status& m);
+const char* check(const PoolWelcome& m);
+const char* check(const PoolOrders& m);
+const char* check(const PoolStatus& m);
 // Nothing in them can do harm.
 inline const char* check(const Challenge&) { return nullptr; }
 inline const char* check(const Proof&) { return nullptr; }

@@ -95,7 +95,8 @@ constexpr std::array<const char*, std::variant_size_v<Message>> kNames = {
     "Challenge",   "Proof",        "Hello",       "Welcome",   "Refused",    "PeerHello",
     "HostList",    "SceneHostMap", "JobStart",    "JobEnd",    "CancelJob",  "LoadParts",
     "UnloadParts", "LoadReport",   "BlobRequest", "BlobChunk", "SubmitTask", "Reply",
-    "PathEnds",    "Status",       "Leave",       "Error",     "CancelTask"};
+    "PathEnds",    "Status",       "Leave",       "Error",     "CancelTask", "PoolWelcome",
+    "PoolOrders",  "PoolStatus"};
 
 }  // namespace
 

@@ -19,7 +19,7 @@
 
 namespace cloudrenderer::wire {
 
-inline constexpr std::uint32_t kProtocolVersion = 1;
+inline constexpr std::uint32_t kProtocolVersion = 2;
 
 // Names a task everywhere: the incarnation of the host that made it, and its running number there.
 // Never used twice.
@@ -112,7 +112,8 @@ struct PathEnds {
 using Message =
     std::variant<Challenge, Proof, Hello, Welcome, Refused, PeerHello, HostList, SceneHostMap,
                  JobStart, JobEnd, CancelJob, LoadParts, UnloadParts, LoadReport, BlobRequest,
-                 BlobChunk, SubmitTask, Reply, PathEnds, Status, Leave, Error, CancelTask>;
+                 BlobChunk, SubmitTask, Reply, PathEnds, Status, Leave, Error, CancelTask,
+                 PoolWelcome, PoolOrders, PoolStatus>;
 
 // For log lines: "SubmitTask".
 const char* message_name(const Message& m);

@@ -170,9 +170,9 @@ class ExitCodes(support.ClusterTest):
                         if not worker.running():
                             break
                         continue
-                    peers[-1].send(wire.frame(wire.payload(wire.CHALLENGE, wire.field(1, b"n" * 32), version=2)))
+                    peers[-1].send(wire.frame(wire.payload(wire.CHALLENGE, wire.field(1, b"n" * 32), version=3)))
                 self.assertEqual(worker.wait(5), 4, worker.text())
-                self.assertRegex(worker.text(), "protocol version 2, this host speaks 1")
+                self.assertRegex(worker.text(), "protocol version 3, this host speaks 2")
             finally:
                 for peer in peers:
                     peer.close()

@@ -22,8 +22,8 @@ SECRETS = (TOKEN, None, TOKEN, None, TOKEN, "another secret")
 # Why a manager closes connections: all of it must have come up, or the test does not send what it means to.
 REASONS = ("End of file", "it does not know the cluster's secret", "before it had proved who it is", "it speaks TLS",
            "the frame's length is out of range", "a stranger's message of", "the checksum does not match",
-           "a payload is shorter than its header", "protocol version 2, this host speaks 1", "unknown message type",
-           "instead of Hello", "this cluster speaks protocol version 1, the host speaks 2", "1048576 TiB of memory",
+           "a payload is shorter than its header", "protocol version 3, this host speaks 2", "unknown message type",
+           "instead of Hello", "this cluster speaks protocol version 2, the host speaks 3", "1048576 TiB of memory",
            "has 0 threads", "is too long, or no text", "cannot be parsed", "numeric fingerprint", "has ended")
 MOST_GROWTH = 24 << 20  # a session that is never freed holds 64 KiB
 
@@ -140,8 +140,8 @@ class Hostile(support.ClusterTest):
             lambda: wire.frame(message, length=dice.choice((0, 15, 60_000, 1 << 20, (1 << 32) - 1))),
             lambda: wire.frame(wire.payload(dice.randrange(70), message[16:])),            # of another type
             lambda: wire.frame(wire.payload(wire.HELLO, self.mutated(hello))),
-            lambda: wire.frame(wire.payload(wire.HELLO, hello, version=2)),
-            lambda: wire.frame(wire.payload(wire.HELLO, self.hello(f1=2))),                # another protocol
+            lambda: wire.frame(wire.payload(wire.HELLO, hello, version=3)),
+            lambda: wire.frame(wire.payload(wire.HELLO, self.hello(f1=3))),                # another protocol
             lambda: wire.frame(wire.payload(wire.HELLO, self.hello(f10=dice.randbytes(8)))),  # computes other bits
             lambda: wire.frame(wire.payload(wire.HELLO, self.hello(f5=1 << 60))),          # memory
             lambda: wire.frame(wire.payload(wire.HELLO, self.hello(f6=1 << 60))),          # threads

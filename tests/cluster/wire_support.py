@@ -9,7 +9,7 @@ XXHASH = ctypes.CDLL("libxxhash.so.0")
 XXHASH.XXH3_64bits_withSeed.restype = ctypes.c_uint64
 XXHASH.XXH3_64bits_withSeed.argtypes = (ctypes.c_char_p, ctypes.c_size_t, ctypes.c_uint64)
 
-VERSION = 1
+VERSION = 2
 (CHALLENGE, PROOF, HELLO, WELCOME, REFUSED, PEER_HELLO) = range(6)
 JOB_START, LOAD_REPORT, SUBMIT_TASK, REPLY, PATH_ENDS, STATUS, LEAVE = 8, 13, 16, 17, 18, 19, 20
 

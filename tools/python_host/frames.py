@@ -14,7 +14,7 @@ sys.path.insert(0, str(ROOT / "build" / "python_host" / "generated"))
 from parts.manifest_pb2 import Manifest  # noqa: E402,F401
 from wire import messages_pb2 as pb  # noqa: E402
 
-VERSION = 1
+VERSION = 2
 HEADER_BYTES, LINK_BYTES = 24, 20
 MAX_FRAME = 16 << 20
 WINDOW = 256  # frames on the way
@@ -23,7 +23,8 @@ ACK_DELAY = 0.02
 
 # By type number; None: the message has columns, and its control part the type that follows.
 NAMES = ("Challenge Proof Hello Welcome Refused PeerHello HostList SceneHostMap JobStart JobEnd CancelJob LoadParts "
-         "UnloadParts LoadReport BlobRequest BlobChunk SubmitTask Reply PathEnds Status Leave Error CancelTask").split()
+         "UnloadParts LoadReport BlobRequest BlobChunk SubmitTask Reply PathEnds Status Leave Error CancelTask "
+         "PoolWelcome PoolOrders PoolStatus").split()
 CONTROL = {"SubmitTask": pb.SubmitControl, "Reply": pb.ReplyControl, "PathEnds": pb.EndsControl}
 
 
