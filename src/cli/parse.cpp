@@ -239,6 +239,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   worker_app.add_option("--advertise", t.advertise,
                         "ADDR:PORT at which the other workers reach this one");
   worker_app.add_option("--name", worker.config.name, "name in reports (default: the machine's)");
+  worker_app.add_option("--kind", worker.config.kind, "kind of machine, as the service's price table names it");
   worker_app.add_option("--parts", worker.config.parts, "a copy of the split, to load parts from");
   add_door(worker_app, t, worker.token_file, worker.config.tls);
   worker_app.add_option("--wait", t.wait, "seconds to look for the manager, also for one that has gone (default 30)");

@@ -46,7 +46,7 @@ class Pool {
 
  private:
   struct Peer {
-    std::shared_ptr<PeerLink> link;
+    std::shared_ptr<PeerLink> link;  // for as long as the core remembers the host: it may come back
     std::shared_ptr<Session> session;  // the newest
   };
   void accept(std::unique_ptr<Stream> stream);
@@ -54,6 +54,7 @@ class Pool {
   void receive(const std::shared_ptr<Session>& session, WireFrame frame);
   void closed(const std::shared_ptr<Session>& session, const std::string& reason);
   void drain();
+  void after();  // of what the network or the clock has brought
   double tick();
 
   asio::io_context& io_;
@@ -67,7 +68,7 @@ class Pool {
   Strangers strangers_;
   std::unique_ptr<Listener> listener_;
   std::shared_ptr<Ticker> ticker_;
-  bool draining_ = false, shut_ = false;
+  bool shut_ = false;
 };
 
 }  // namespace cloudrenderer

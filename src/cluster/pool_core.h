@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -96,6 +97,8 @@ class PoolCore {
 
   const Options options_;
   std::vector<PoolOrder> orders_;
+  std::set<std::string> ordered_;  // ever: what hosts may speak of
+  double ticked_ = 0;
   std::map<std::uint64_t, PoolHost> hosts_;
   std::map<std::uint64_t, Presence> present_;
   std::vector<std::uint64_t> left_;           // oldest first

@@ -13,6 +13,11 @@
 namespace cloudrenderer {
 
 struct SceneLoader::Scene {
+  ~Scene() {
+    if (cache) cache->add_other(-static_cast<std::int64_t>(counted));
+  }
+  std::shared_ptr<PartCache> cache;  // of all jobs of the process; null: this is the only one
+  std::uint64_t counted = 0;         // there, beside the parts
   std::shared_ptr<const Manifest> manifest;
   std::string folder;
   std::unique_ptr<TemporaryFolder>
@@ -68,6 +73,13 @@ void fetch_scene(BlobFetcher& fetcher, const wire::JobStart& job, const std::str
   }
 }
 
+// Of a part that another scene has loaded: the file is the same, what its numbers mean need not be.
+void check_references(const Part& part, const Manifest& manifest, const char* what,
+                      std::uint32_t number) {
+  if (const auto bad = find_bad_reference(part, manifest))
+    throw ClusterError(std::string(what) + " " + std::to_string(number) + ": " + *bad);
+}
+
 template <class F>
 std::string error_of(F f) {
   try {
@@ -83,7 +95,9 @@ std::string error_of(F f) {
 
 SceneLoader::SceneLoader(unsigned build_threads, std::uint64_t memory, SceneSources sources)
     : build_threads_(build_threads), memory_(memory), sources_(std::move(sources)) {}
-SceneLoader::~SceneLoader() = default;
+SceneLoader::~SceneLoader() {
+  if (PartCache* const shared = cache()) shared->release(this);
+}
 
 std::unique_ptr<SceneLoader::Scene> SceneLoader::open(const wire::JobStart& job) {
   auto scene = std::make_unique<Scene>();
@@ -116,6 +130,9 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
     const JobSettings settings = settings_of(job, *scene->manifest, warnings);
     Resident::Options options;
     options.threads = build_threads_;
+    if (sources_.seat) options.cache = scene->cache = sources_.seat->host().cache;
+    if (!reserve(*scene, 0, BvhForm::fast))
+      throw ClusterError("the other jobs of this host leave no room for the main scene");
     scene->resident = std::make_unique<Resident>(options);
     scene->prototype_uses.assign(scene->manifest->prototypes.size(), 0);
     load_prototypes(*scene, 0);
@@ -125,6 +142,14 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
     if (used > memory_)
       throw ClusterError("main scene, textures and lights take " + std::to_string(used >> 20) +
                          " MiB, and the host may use " + std::to_string(memory_ >> 20) + " MiB");
+    if (PartCache* const shared = cache()) {
+      scene->counted = scene->tracer->shading_bytes();
+      shared->add_other(static_cast<std::int64_t>(scene->counted));
+      shared->release(this);
+      shared->tidy();
+      if (shared->bytes() > shared->budget())
+        throw ClusterError("the other jobs of this host leave no room for textures and lights");
+    }
     const std::lock_guard lock(mutex_);
     scene_ = std::move(scene);
   });
@@ -144,6 +169,9 @@ Part SceneLoader::read(Scene& scene, wire::BlobKind kind, std::uint32_t index) {
          what);
   Result<Part> read = read_part_file(path);
   if (!read) throw ClusterError(what + ": " + read.error());
+  const std::uint64_t checksum = part ? m.parts[index].checksum : m.prototypes[index].checksum;
+  if (checksum != 0 && read->checksum != checksum)
+    throw ClusterError(what + ": the file is not the one that the manifest means");
   if (const auto bad = find_bad_reference(*read, m)) throw ClusterError(what + ": " + *bad);
   return std::move(*read);
 }
@@ -152,9 +180,42 @@ void SceneLoader::load_prototypes(Scene& scene, std::uint32_t part) {
   for (const std::uint32_t p : scene.manifest->parts[part].prototypes) {
     if (p >= scene.prototype_uses.size())
       throw ClusterError("there is no prototype " + std::to_string(p));
-    if (scene.prototype_uses[p]++ == 0)
-      scene.resident->load_prototype(p, read(scene, wire::BLOB_PROTOTYPE, p));
+    if (scene.prototype_uses[p]++ != 0) continue;
+    const auto read_it = [&] { return read(scene, wire::BLOB_PROTOTYPE, p); };
+    if (!cache()) {
+      scene.resident->load_prototype(p, read_it());
+      continue;
+    }
+    const bool shared = scene.resident->share_prototype(
+        p, prototype_key(*scene.manifest, p), read_it,
+        [&](const Part& there) { check_references(there, *scene.manifest, "prototype", p); });
+    count(shared, scene.manifest->prototypes[p].loaded_bytes);
   }
+}
+
+void SceneLoader::count(bool shared, std::uint64_t bytes) {
+  Meter::Account& account = sources_.seat->account();
+  (shared ? account.shared_bytes : account.loaded_bytes) += bytes;
+}
+
+// What loading a part takes that is not there already.
+std::vector<PartCache::Need> SceneLoader::needs(const Scene& scene, std::uint32_t part,
+                                                BvhForm form) const {
+  const Manifest& m = *scene.manifest;
+  const PartInfo& info = m.parts[part];
+  const std::uint64_t build = build_bytes(m, part);
+  // The main scene is never shared.
+  std::vector<PartCache::Need> all{{part == 0 ? PartKey{} : part_key(m, part, form),
+                                    form == BvhForm::passing
+                                        ? loaded_bytes::page(info.triangles, info.loaded_bytes, build)
+                                        : info.loaded_bytes + build}};
+  for (const std::uint32_t p : info.prototypes)
+    if (scene.prototype_uses[p] == 0) all.push_back({prototype_key(m, p), m.prototypes[p].loaded_bytes});
+  return all;
+}
+
+bool SceneLoader::reserve(const Scene& scene, std::uint32_t part, BvhForm form) const {
+  return !cache() || cache()->reserve(this, needs(scene, part, form));
 }
 
 // By what is really resident now, so that a prediction that was too low (or textures, which nobody
@@ -162,23 +223,30 @@ void SceneLoader::load_prototypes(Scene& scene, std::uint32_t part) {
 bool SceneLoader::has_room(PartId part, BvhForm form) const {
   const std::shared_ptr<Scene> s = scene();
   if (!s || part.value >= s->manifest->parts.size()) return true;  // load() says what is wrong
-  const Manifest& m = *s->manifest;
-  const PartInfo& info = m.parts[part.value];
-  const std::uint64_t build = build_bytes(m, part.value);
-  std::uint64_t more = form == BvhForm::passing ? loaded_bytes::page(info.triangles, info.loaded_bytes, build)
-                                                : info.loaded_bytes + build;
-  for (const std::uint32_t p : m.parts[part.value].prototypes)
-    if (s->prototype_uses[p] == 0) more += m.prototypes[p].loaded_bytes;
-  return bytes_used() + more <= memory_;
+  std::uint64_t more = 0;
+  for (const PartCache::Need& need : needs(*s, part.value, form)) more += need.bytes;
+  return bytes_used() + more <= memory_ && reserve(*s, part.value, form);
 }
 
 std::string SceneLoader::load(PartId part, BvhForm form) {
   return error_of([&] {
     const std::shared_ptr<Scene> s = scene();
     if (!s) throw ClusterError("no job has been started");
-    Part data = read(*s, wire::BLOB_PART, part.value);
+    const auto read_it = [&] { return read(*s, wire::BLOB_PART, part.value); };
+    if (!cache()) {
+      Part data = read_it();
+      load_prototypes(*s, part.value);
+      s->resident->load_part(part, std::move(data), form);
+      return;
+    }
+    if (part.value >= s->manifest->parts.size())
+      throw ClusterError("there is no part " + std::to_string(part.value));
     load_prototypes(*s, part.value);
-    s->resident->load_part(part, std::move(data), form);
+    const bool shared = s->resident->share_part(
+        part, part_key(*s->manifest, part.value, form), form, read_it,
+        [&](const Part& there) { check_references(there, *s->manifest, "part", part.value); });
+    cache()->release(this);
+    count(shared, s->manifest->parts[part.value].loaded_bytes);
   });
 }
 
@@ -213,6 +281,11 @@ std::shared_ptr<const PathEngine> SceneLoader::engine() const {
 std::uint64_t SceneLoader::peak_bytes() const {
   const auto s = scene();
   return s ? s->resident->peak_bytes() + s->tracer->shading_bytes() : 0;
+}
+
+double SceneLoader::own_bytes() const {
+  const auto s = scene();
+  return s ? s->resident->own_bytes() + static_cast<double>(s->tracer->shading_bytes()) : 0;
 }
 
 std::array<double, 4> SceneLoader::engine_seconds() const {

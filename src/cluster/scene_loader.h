@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cluster/blob.h"
+#include "cluster/job_seat.h"
 #include "cluster/temp_folder.h"
 #include "integrator/path_tracer.h"
 #include "tasks/work.h"
@@ -18,6 +19,7 @@ struct SceneSources {
       manifest;        // of the folder that the job names: the manager's own process
   std::string folder;  // --parts
   std::shared_ptr<BlobFetcher> fetcher;  // the manager; null: not possible
+  std::shared_ptr<JobSeat> seat = nullptr;  // parts are shared with the process's other jobs
 };
 
 // A host's scene: fetches files, loads and drops parts, and makes the engine. The loader calls come
@@ -38,6 +40,7 @@ class SceneLoader final : public PartLoader {
   // Any thread. The engine is null outside of a job; whoever holds it keeps the whole scene alive.
   std::shared_ptr<const PathEngine> engine() const;
   std::uint64_t peak_bytes() const;
+  double own_bytes() const;  // what is loaded, shared parts divided by their users
   // Processor seconds of the engine so far: camera, trace, shade, occlusion.
   std::array<double, 4> engine_seconds() const;
 
@@ -46,6 +49,10 @@ class SceneLoader final : public PartLoader {
   std::unique_ptr<Scene> open(const wire::JobStart& job);
   Part read(Scene& scene, wire::BlobKind kind, std::uint32_t index);
   void load_prototypes(Scene& scene, std::uint32_t part);
+  void count(bool shared, std::uint64_t bytes);
+  std::vector<PartCache::Need> needs(const Scene& scene, std::uint32_t part, BvhForm form) const;
+  bool reserve(const Scene& scene, std::uint32_t part, BvhForm form) const;
+  PartCache* cache() const { return sources_.seat ? sources_.seat->host().cache.get() : nullptr; }
   std::shared_ptr<Scene> scene() const;
 
   const unsigned build_threads_;

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "cluster/fingerprint.h"
 #include "cluster/peers.h"
+#include "cluster/pool_member.h"
 #include "cluster/ticker.h"
 #include "cluster/usage.h"
 #include "cluster/worker_node.h"
@@ -36,17 +37,25 @@ class Worker {
         incarnation_(new_incarnation()),
         fetcher_(std::make_shared<BlobFetcher>(
             [this](wire::Message m) { deliver(kManager, std::move(m)); })),
-        loader_(config.threads, config.memory, {nullptr, config.parts, fetcher_}) {}
+        loader_(config.threads, config.memory, {nullptr, config.parts, fetcher_, config.seat}) {
+    if (config_.seat) config_.seat->set_memory([this] { return loader_.own_bytes(); });
+  }
+  ~Worker() {
+    if (config_.seat) config_.seat->set_memory(nullptr);
+  }
 
-  // False: over. True: there is a manager that does not know this host; a new one is to be made.
-  bool run() {
+  // Again: there is a manager that does not know this host; a new one is to be made.
+  enum class End { over, again, pool };
+  End run() {
     spawn(join(config_.patience));
     io_.run();
     fetcher_->fail("this host is going");
+    if (node_ && config_.seat) counters();  // the last bytes
     node_.reset();
     if (!error_.empty()) throw ClusterError(error_);
-    return again_;
+    return end_;
   }
+  std::uint64_t incarnation() const { return incarnation_; }
 
   void leave() {  // any thread
     asio::post(io_, [this] {
@@ -92,6 +101,7 @@ class Worker {
       };
       listener_ = std::make_unique<Listener>(io_, here, accept, tls_);
       advertised_ = config_.advertise.value_or(listener_->address());
+      if (advertised_.port == 0) advertised_.port = listener_->address().port;
       // Told as it is, an address of all interfaces leads nowhere.
       if (advertised_.host == "0.0.0.0" || advertised_.host == "::")
         advertised_.host = stream->local().host;
@@ -100,6 +110,7 @@ class Worker {
     h.proved = [this](const auto& session) {
       wire::Hello hello = make_hello(incarnation_, config_.name, config_.memory, config_.threads,
                                      options_, config_.only_intersect);
+      hello.set_kind(config_.kind);
       hello.set_listen(advertised_.to_string());
       hello.set_allow_inexact(config_.allow_inexact);
       if (node_) hello.set_manager(manager_incarnation_);
@@ -151,6 +162,11 @@ class Worker {
       end("the manager refuses this host: " + refused->reason());
       return false;
     }
+    if (std::holds_alternative<wire::PoolWelcome>(message) && !node_ && !config_.seat) {
+      end_ = End::pool;
+      end({});
+      return false;
+    }
     const auto* welcome = std::get_if<wire::Welcome>(&message);
     if (welcome == nullptr) {
       end(std::string("the manager sent ") + wire::message_name(message) + " instead of Welcome");
@@ -171,7 +187,7 @@ class Worker {
 
   void come_as_new() {
     spdlog::info("the manager does not know this host any more");
-    again_ = !leaving_;
+    if (!leaving_) end_ = End::again;
     end({});
   }
 
@@ -196,7 +212,7 @@ class Worker {
     c.failed = [this](const std::string& why) { asio::post(io_, [this, why] { give_up(why); }); };
     c.counters = [this] { return counters(); };
     node_ =
-        std::make_unique<WorkerNode>(self, incarnation_, options_, loader_, clock_, std::move(c));
+        std::make_unique<WorkerNode>(self, incarnation_, options_, loader_, clock_, std::move(c), config_.seat);
     ticker_->at(clock_.now());
     spawn(watch());
   }
@@ -268,6 +284,12 @@ class Worker {
     const auto [peer_sent, peer_received] = peers_->bytes();
     c.bytes_sent = sent + peer_sent;
     c.bytes_received = received + peer_received;
+    if (config_.seat) {
+      const std::lock_guard lock(sync_mutex_);
+      Meter::Account& account = config_.seat->account();
+      account.bytes_sent += c.bytes_sent - std::exchange(told_sent_, c.bytes_sent);
+      account.bytes_received += c.bytes_received - std::exchange(told_received_, c.bytes_received);
+    }
     c.drained = peers_->drained();
     c.memory_used = loader_.bytes_used();
     c.memory_peak = memory_peak_ = std::max<std::uint64_t>(memory_peak_, loader_.peak_bytes());
@@ -296,7 +318,9 @@ class Worker {
   int introductions_ = 0;             // that came to nothing
   std::chrono::duration<double> lost_after_{3};
   std::atomic<std::uint64_t> closed_sent_ = 0, closed_received_ = 0, memory_peak_ = 0;
-  bool job_over_ = false, leaving_ = false, again_ = false;
+  bool job_over_ = false, leaving_ = false;
+  End end_ = End::over;
+  std::uint64_t told_sent_ = 0, told_received_ = 0;  // to the seat
   std::string error_;
   std::unique_ptr<WorkerNode> node_;  // last: its threads use the rest
 };
@@ -346,17 +370,21 @@ DriverCounters process_counters() {
 
 void run_worker(const WorkerConfig& config,
                 const std::function<void(std::function<void()>)>& on_leave) {
-  for (bool again = true; again;) {
+  using End = Worker::End;
+  std::uint64_t incarnation = 0;
+  for (End end = End::again; end == End::again;) {
     Worker worker(config);
     on_leave([&worker] { worker.leave(); });
     try {
-      again = worker.run();
+      end = worker.run();
     } catch (...) {
       on_leave(nullptr);
       throw;
     }
     on_leave(nullptr);
+    if (end == End::pool) incarnation = worker.incarnation();
   }
+  if (incarnation != 0) run_pool_member(config, incarnation, on_leave);
 }
 
 }  // namespace cloudrenderer

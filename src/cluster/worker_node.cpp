@@ -9,13 +9,20 @@ namespace {
 
 constexpr double kCountEvery = 0.2;
 
+std::optional<Meter::Thread> metered(const std::shared_ptr<JobSeat>& seat) {
+  return seat ? std::optional<Meter::Thread>(std::in_place, seat->host().meter, &seat->account())
+              : std::nullopt;
+}
+
 }  // namespace
 
 WorkerNode::WorkerNode(HostId self, std::uint64_t incarnation, const WorkerOptions& options,
-                       SceneLoader& loader, const Clock& clock, Callbacks callbacks)
+                       SceneLoader& loader, const Clock& clock, Callbacks callbacks,
+                       std::shared_ptr<JobSeat> seat)
     : loader_(loader),
       clock_(clock),
       callbacks_(std::move(callbacks)),
+      seat_(std::move(seat)),
       core_(self, incarnation, options),
       announced_(std::numeric_limits<double>::infinity()) {
   for (std::uint32_t i = 0; i < options.threads; ++i) threads_.emplace_back([this] { compute(); });
@@ -122,20 +129,47 @@ void WorkerNode::count() {
 
 void WorkerNode::compute() {
   prepare_compute_thread();
+  const auto meter = metered(seat_);
+  std::optional<ComputeGate::Slot> slot;
+  if (seat_) slot.emplace(seat_->host().gate, seat_->gate_job());
   std::unique_lock lock(mutex_);
   while (!stopping_) {
+    // What is taken is not left waiting for a slot: by then there may be deeper work.
+    if (slot && core_.has_work()) {
+      lock.unlock();
+      slot->take();
+      lock.lock();
+      if (stopping_) break;
+    }
     std::optional<Work> work = core_.take(clock_.now());
     if (!work) {
+      if (slot) slot->give_back();
       work_.wait(lock);
       continue;
     }
+    if (seat_) ++seat_->account().batches;
     if (core_.has_work()) work_.notify_one();
     run(*work, lock);
   }
 }
 
+// Loading needs no slot, but is use of its job.
+WorkResult WorkerNode::load_metered(Work& work) {
+  if (!seat_) return execute(loader_, work);
+  const double before = seat_->host().meter.loading_cpu_s(seat_->account());
+  WorkResult result;
+  {
+    const Meter::Loading loading(seat_->host().meter, seat_->account());
+    result = execute(loader_, work);
+  }
+  seat_->host().gate.charge(seat_->gate_job(),
+                            seat_->host().meter.loading_cpu_s(seat_->account()) - before);
+  return result;
+}
+
 void WorkerNode::load() {
   prepare_compute_thread();
+  const auto meter = metered(seat_);
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     std::optional<Work> work = core_.take_load(clock_.now());
@@ -153,7 +187,7 @@ void WorkerNode::run(Work& work, std::unique_lock<std::mutex>& lock) {
   try {
     WorkResult result;
     if (is_loader_work(work)) {
-      result = execute(loader_, work);
+      result = load_metered(work);
     } else {
       const std::shared_ptr<const PathEngine> engine = loader_.engine();
       if (!engine) throw ClusterError("there are paths to trace, but no scene");

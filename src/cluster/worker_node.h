@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cluster/clock.h"
+#include "cluster/job_seat.h"
 #include "cluster/scene_loader.h"
 #include "tasks/worker_core.h"
 
@@ -26,7 +27,8 @@ class WorkerNode {
   };
 
   WorkerNode(HostId self, std::uint64_t incarnation, const WorkerOptions& options,
-             SceneLoader& loader, const Clock& clock, Callbacks callbacks);
+             SceneLoader& loader, const Clock& clock, Callbacks callbacks,
+             std::shared_ptr<JobSeat> seat = nullptr);
   ~WorkerNode();  // finishes what runs, and drops the rest
   WorkerNode(const WorkerNode&) = delete;
   WorkerNode& operator=(const WorkerNode&) = delete;
@@ -44,6 +46,7 @@ class WorkerNode {
   void count();  // renews the driver's counters in the core
   void compute();
   void load();
+  WorkResult load_metered(Work& work);
   void run(Work& work, std::unique_lock<std::mutex>& lock);
   void after(
       std::unique_lock<std::mutex>& lock);  // of every call of the core: outbox, wake-ups, deadline
@@ -51,6 +54,7 @@ class WorkerNode {
   SceneLoader& loader_;
   const Clock& clock_;
   const Callbacks callbacks_;
+  const std::shared_ptr<JobSeat> seat_;
   mutable std::mutex mutex_;  // guards what follows
   WorkerCore core_;
   WorkerCore::Outbox outgoing_;

@@ -47,6 +47,7 @@ void write(const Manifest& m, proto::Manifest& out) {
     e->set_triangles(p.triangles);
     e->mutable_prototypes()->Add(p.prototypes.begin(), p.prototypes.end());
     e->set_features(p.features);
+    e->set_checksum(p.checksum);
   }
   for (const PrototypeInfo& p : m.prototypes) {
     proto::PrototypeEntry* e = out.add_prototypes();
@@ -56,6 +57,7 @@ void write(const Manifest& m, proto::Manifest& out) {
     e->set_loaded_bytes(p.loaded_bytes);
     e->set_triangles(p.triangles);
     e->set_shapes(p.shapes);
+    e->set_checksum(p.checksum);
   }
   for (const AreaLightId id : m.shape_lights) out.add_shape_lights(id.value);
   out.set_total_triangles(m.total_triangles);
@@ -75,6 +77,7 @@ const char* read(const proto::Manifest& in, Manifest& m) {
     p.loaded_bytes = e.loaded_bytes();
     p.triangles = e.triangles();
     p.shapes = e.shapes();
+    p.checksum = e.checksum();
     m.prototypes.push_back(std::move(p));
   }
   for (const proto::PartEntry& e : in.parts()) {
@@ -94,6 +97,7 @@ const char* read(const proto::Manifest& in, Manifest& m) {
       p.prototypes.push_back(prototype);
     }
     p.features = e.features();
+    p.checksum = e.checksum();
     m.parts.push_back(std::move(p));
   }
   for (const std::uint32_t id : in.shape_lights()) {

@@ -217,6 +217,7 @@ Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const v
   p.bricks = section<BrickRecord>(bytes, table[kBricks]);
   p.densities = section<float>(bytes, table[kDensities]);
   p.owner = std::move(owner);
+  p.checksum = header.checksum;
   if (const char* why = bad_content(p)) return failure(why);
   return p;
 }

@@ -142,6 +142,7 @@ struct Part {
   std::span<const BrickRecord> bricks;
   std::span<const float> densities;
   std::shared_ptr<const void> owner;
+  std::uint64_t checksum = 0;  // of the file; 0: made in memory
 
   // The chunk that holds a triangle: a binary search.
   const MeshChunk& chunk_of(std::uint32_t triangle) const {
@@ -172,6 +173,7 @@ struct PartInfo {
   std::uint64_t triangles = 0;       // instanced ones not counted
   std::vector<std::uint32_t> prototypes;  // that its instances need
   std::uint32_t features = 0;             // PartFeature bits, of its prototypes too; 0: an older split does not tell
+  std::uint64_t checksum = 0;             // of the part file; 0: likewise
 };
 
 struct PrototypeInfo {
@@ -179,6 +181,7 @@ struct PrototypeInfo {
   Bounds3 bounds;
   std::uint64_t file_bytes = 0, loaded_bytes = 0, triangles = 0;
   std::uint32_t shapes = 0;
+  std::uint64_t checksum = 0;
 };
 
 // The whole of a split scene but its geometry.

@@ -284,6 +284,7 @@ void SceneSplitter::Work::write_prototype(std::uint32_t index) {
     const auto blob = static_cast<std::uint32_t>(manifest_.prototypes.size());
     const PartBuilder::File written = builder.write(prototype_path(out_, blob));
     info.file_bytes = written.bytes;
+    info.checksum = written.checksum;
     checksums_.push_back(written.checksum);
     manifest_.total_triangles += info.triangles;
     manifest_.prototypes.push_back(std::move(info));
@@ -443,6 +444,7 @@ bool SceneSplitter::Work::write_part(std::span<Item> items, PartMaker& make, boo
   const PartBuilder::File file =
       builder.write(part_path(out_, static_cast<std::uint32_t>(manifest_.parts.size())));
   info.file_bytes = file.bytes;
+  info.checksum = file.checksum;
   checksums_.push_back(file.checksum);
   manifest_.total_triangles += info.triangles;
   manifest_.parts.push_back(std::move(info));

@@ -32,7 +32,9 @@ void occluded(const RTCOccludedFunctionNArguments* args) {
     const LaneRay r = lane_ray(args->ray, args->N, i);
     CurveHit found;
     if (!self->intersect_curve(args->primID, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
-    if (self->has_alpha() && !self->opaque(kCurves, args->primID, found.u, found.v, r.origin, r.direction, found.t, true)) continue;
+    if (self->has_alpha() && !self->opaque(kCurves, args->primID, found.u, found.v, r.origin, r.direction, found.t, true,
+                                               scene_of(args->context)))
+      continue;
     RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
   }
 }
@@ -84,12 +86,13 @@ bool LoadedPart::intersect_curve(std::uint32_t segment, const Vec3& origin, cons
   return cloudrenderer::intersect(curves.piece(record), u0, u1, ray, t_min, t_max, hit);
 }
 
-bool LoadedPart::curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow) const {
+bool LoadedPart::curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow,
+                                 const SceneFunctions& scene) const {
   const CurveGroup& g = part_.curves.group_of(segment);
   const std::uint32_t texture = shadow && g.shadow_alpha_texture != kNone ? g.shadow_alpha_texture : g.alpha_texture;
   if (texture == kNone) return true;
   const SurfacePoint s = curve_point(part_.curves, segment, direction, u, v);
-  return alpha_(texture, s.uv, s.p) != 0.f;
+  return scene.alpha(texture, s.uv, s.p) != 0.f;
 }
 
 }  // namespace cloudrenderer

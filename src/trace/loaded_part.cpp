@@ -54,7 +54,7 @@ void quadric_occluded(const RTCOccludedFunctionNArguments* args) {
     if (self->surely_misses(args->primID, r.origin, r.direction, r.t_far)) continue;
     QuadricHit found;
     if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
-    if (self->has_alpha() && !self->opaque(kQuadrics, args->primID, 0, 0, r.origin, r.direction, found.t, true)) continue;
+    if (self->has_alpha() && !self->opaque(kQuadrics, args->primID, 0, 0, r.origin, r.direction, found.t, true, scene_of(args->context))) continue;
     RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
   }
 }
@@ -148,7 +148,7 @@ void brick_intersect(const RTCIntersectFunctionNArguments* args) {
   const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
   RTCRayN* ray = RTCRayHitN_RayN(args->rayhit, 1);
   const LaneRay r = lane_ray(ray, 1, 0);
-  const float t = self->collide(args->primID, r.origin, r.direction, r.t_far, *bricks, false);
+  const float t = self->collide(args->primID, r.origin, r.direction, r.t_far, *bricks, false, scene_of(args->context));
   if (!(t < r.t_far)) return;
   RTCHit hit{};
   hit.geomID = args->geomID;
@@ -169,7 +169,8 @@ void brick_occluded(const RTCOccludedFunctionNArguments* args) {
   if (!bricks || !args->valid[0]) return;
   const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
   const LaneRay r = lane_ray(args->ray, 1, 0);
-  if (self->collide(args->primID, r.origin, r.direction, r.t_far, *bricks, true) < r.t_far) RTCRayN_tfar(args->ray, 1, 0) = -kInfinity;
+  if (self->collide(args->primID, r.origin, r.direction, r.t_far, *bricks, true, scene_of(args->context)) < r.t_far)
+    RTCRayN_tfar(args->ray, 1, 0) = -kInfinity;
 }
 
 }  // namespace
@@ -189,7 +190,7 @@ void intersect_filter(const RTCFilterFunctionNArguments* args) {
     if (owner->has_alpha()) {
       const LaneRay r = lane_ray(args->ray, n, i);
       if (!owner->opaque(geometry, index, RTCHitN_u(args->hit, n, i), RTCHitN_v(args->hit, n, i), r.origin, r.direction, t,
-                         false)) {
+                         false, *context->scene)) {
         args->valid[i] = 0;
         continue;
       }
@@ -225,19 +226,19 @@ void occluded_filter(const RTCFilterFunctionNArguments* args) {
     if (!args->valid[i]) continue;
     const LaneRay r = lane_ray(args->ray, args->N, i);
     if (!owner->opaque(RTCHitN_geomID(args->hit, args->N, i), RTCHitN_primID(args->hit, args->N, i),
-                       RTCHitN_u(args->hit, args->N, i), RTCHitN_v(args->hit, args->N, i), r.origin, r.direction, r.t_far, true))
+                       RTCHitN_u(args->hit, args->N, i), RTCHitN_v(args->hit, args->N, i), r.origin, r.direction, r.t_far, true,
+                       scene_of(args->context)))
       args->valid[i] = 0;
   }
 }
 
-LoadedPart::LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, const std::vector<CollisionRate>& rates, Part part,
-                       std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form)
-    : device_(std::move(device)), alpha_(alpha), rates_(rates), part_(std::move(part)), prototypes_(std::move(prototypes)) {
+LoadedPart::LoadedPart(std::shared_ptr<Device> device, Part part, std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form)
+    : device_(std::move(device)), part_(std::move(part)), prototypes_(std::move(prototypes)) {
   const auto masked = [](const auto& x) { return x.alpha_texture != kNone; };
-  has_alpha_ = alpha_ && (std::ranges::any_of(part_.chunks, masked) || std::ranges::any_of(part_.quadrics, masked) ||
+  has_alpha_ = std::ranges::any_of(part_.chunks, masked) || std::ranges::any_of(part_.quadrics, masked) ||
                           std::ranges::any_of(part_.curves.groups, masked) ||
                           std::ranges::any_of(part_.curves.groups, [](const CurveGroup& g) { return g.shadow_alpha_texture != kNone; }) ||
-                          std::ranges::any_of(part_.chunks, [](const MeshChunk& c) { return c.shadow_alpha_texture != kNone; }));
+                          std::ranges::any_of(part_.chunks, [](const MeshChunk& c) { return c.shadow_alpha_texture != kNone; });
   shared_bytes_ = part_.positions.size_bytes() + part_.normals.size_bytes() + part_.uvs.size_bytes() +
                   part_.triangles.size_bytes() + part_.primitive_ids.size_bytes() + part_.chunks.size_bytes() +
                   part_.quadrics.size_bytes() + part_.instances.size_bytes() + loaded_bytes::kSceneObject +
@@ -386,11 +387,11 @@ void LoadedPart::add_bricks() {
 }
 
 float LoadedPart::collide(std::uint32_t brick, const Vec3& origin, const Vec3& direction, float t_far, const BrickRay& ray,
-                          bool shadow) const {
+                          bool shadow, const SceneFunctions& scene) const {
   const BrickRecord& b = part_.bricks[brick];
   if (ray.medium != BrickRay::kAnyMedium && ray.medium != b.medium + 1) return kInfinity;
-  if (b.medium >= rates_.size()) return kInfinity;
-  const CollisionRate& rate = rates_[b.medium];
+  if (b.medium >= scene.rates.size()) return kInfinity;
+  const CollisionRate& rate = scene.rates[b.medium];
   const std::uint64_t number = mix64((std::uint64_t{b.shape} << 32) | b.primitive), key = mix64(ray.key + number);
   Vec2 first{to_unit(static_cast<std::uint32_t>(key >> 32)), to_unit(static_cast<std::uint32_t>(key))};
   if (ray.sequence) first = ray.sequence->get_2d(ray.dimension + static_cast<std::uint32_t>(number));
@@ -420,8 +421,8 @@ void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t insta
 }
 
 bool LoadedPart::opaque(unsigned geometry, std::uint32_t index, float u, float v, const Vec3& origin,
-                        const Vec3& direction, float t, bool shadow) const {
-  if (geometry >= kFirstInstance) return true;  // a brick
+                        const Vec3& direction, float t, bool shadow, const SceneFunctions& scene) const {
+  if (geometry >= kFirstInstance || !scene.alpha) return true;  // a brick
   if (geometry == kTriangles) {
     const MeshChunk& c = part_.chunk_of(index);
     const std::uint32_t texture = shadow && c.shadow_alpha_texture != kNone ? c.shadow_alpha_texture : c.alpha_texture;
@@ -436,13 +437,13 @@ bool LoadedPart::opaque(unsigned geometry, std::uint32_t index, float u, float v
     }
     uv = (1.f - u - v) * a + u * b + v * d;
     const Vec3 p = (1.f - u - v) * part_.positions[tri.x] + u * part_.positions[tri.y] + v * part_.positions[tri.z];
-    return alpha_(texture, uv, p) != 0.f;
+    return scene.alpha(texture, uv, p) != 0.f;
   }
-  if (geometry == kCurves) return curve_is_opaque(index, u, v, direction, shadow);
+  if (geometry == kCurves) return curve_is_opaque(index, u, v, direction, shadow, scene);
   const QuadricRecord& q = part_.quadrics[index];
   if (q.alpha_texture == kNone) return true;
   const SurfacePoint s = surface_point(q.quadric, q.flip != 0, origin, direction, t);
-  return alpha_(q.alpha_texture, s.uv, s.p) != 0.f;
+  return scene.alpha(q.alpha_texture, s.uv, s.p) != 0.f;
 }
 
 }  // namespace cloudrenderer

@@ -14,8 +14,7 @@ inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = kCurveHit, kF
 
 class LoadedPart {
  public:
-  LoadedPart(std::shared_ptr<Device> device, const AlphaFunction& alpha, const std::vector<CollisionRate>& rates, Part part,
-             std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form);
+  LoadedPart(std::shared_ptr<Device> device, Part part, std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form);
   ~LoadedPart();
   LoadedPart(const LoadedPart&) = delete;
   LoadedPart& operator=(const LoadedPart&) = delete;
@@ -66,27 +65,27 @@ class LoadedPart {
     return instance == kNone && !part_.bricks.empty() && geometry == kFirstInstance + 1 + part_.instances.size();
   }
   // Where the ray collides with the brick before t_far, or infinity.
-  float collide(std::uint32_t brick, const Vec3& origin, const Vec3& direction, float t_far, const BrickRay& ray, bool shadow) const;
+  float collide(std::uint32_t brick, const Vec3& origin, const Vec3& direction, float t_far, const BrickRay& ray, bool shadow,
+                const SceneFunctions& scene) const;
 
   // Global ids of a hit in this part; instance: kNone or an index.
   void ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
            std::uint32_t& primitive) const;
-  // False where an alpha texture says that there is no surface.
+  // False where an alpha texture says that there is no surface; the scene may have none to ask.
   bool opaque(unsigned geometry, std::uint32_t index, float u, float v, const Vec3& origin, const Vec3& direction,
-              float t, bool shadow) const;
+              float t, bool shadow, const SceneFunctions& scene) const;
 
  private:
   void add_triangles();
   void add_quadrics();
   void add_curves();
-  bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow) const;
+  bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow,
+                       const SceneFunctions& scene) const;
   void add_instances();
   void add_moving();
   void add_bricks();
 
   std::shared_ptr<Device> device_;
-  const AlphaFunction& alpha_;
-  const std::vector<CollisionRate>& rates_;
   Part part_;
   std::vector<std::shared_ptr<const LoadedPart>> prototypes_;  // by prototype number; those the instances need
   bool has_alpha_ = false, few_quadrics_ = false;
@@ -130,6 +129,7 @@ MaskOf<F> LoadedPart::surely_misses(std::uint32_t quadric, const Vec3Of<F>& orig
 struct QueryContext {
   RTCIntersectContext embree;  // first: Embree hands us its address
   const LoadedPart* part = nullptr;
+  const SceneFunctions* scene = nullptr;
   const BrickRay* bricks = nullptr;  // of a single ray
   // The best hit so far of each lane (one lane for single rays), in terms of the part being traced; a hit of another
   // part or host has instance = geometry = kForeign and its global ids in shape, primitive.
@@ -149,6 +149,10 @@ F reach(F t) {
 }
 
 inline constexpr std::uint32_t kForeign = 0xfffffffeu;
+
+inline const SceneFunctions& scene_of(const RTCIntersectContext* context) {
+  return *reinterpret_cast<const QueryContext*>(context)->scene;
+}
 
 void intersect_filter(const RTCFilterFunctionNArguments* args);
 void occluded_filter(const RTCFilterFunctionNArguments* args);

@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "trace/loaded_part.h"
+#include "trace/part_cache.h"
 
 namespace cloudrenderer {
 
@@ -13,12 +14,13 @@ QueryContext::Lane lane_of(const Hit& hit) {
   return {hit.t, kForeign, 0, kForeign, hit.shape, hit.primitive};
 }
 
-QueryContext make_context(const LoadedPart& part, QueryContext::Lane* lanes, bool coherent, const float* times,
-                          const BrickRay* bricks = nullptr) {
+QueryContext make_context(const LoadedPart& part, const SceneFunctions* scene, QueryContext::Lane* lanes, bool coherent,
+                          const float* times, const BrickRay* bricks = nullptr) {
   QueryContext c;
   rtcInitIntersectContext(&c.embree);
   if (coherent) c.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   c.part = &part;
+  c.scene = scene;
   c.bricks = bricks;
   c.lanes = lanes;
   c.times = times;
@@ -108,7 +110,7 @@ bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit
   const float t_far = std::min(ray.t_max, reach(hit.t));
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, t_far)) return false;
   QueryContext::Lane lane = lane_of(hit);
-  QueryContext context = make_context(part, &lane, false, &ray.time, ray.bricks);
+  QueryContext context = make_context(part, scene_.get(), &lane, false, &ray.time, ray.bricks);
   RTCRayHit rh;
   rh.ray = single_ray(ray, t_far);
   rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -128,7 +130,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
   active = that_may_hit(part, rays, active, t_far);
   if (!active) return;
   QueryContext::Lane lanes[8];
-  QueryContext context = make_context(part, lanes, coherence == Coherence::alike, rays.times);
+  QueryContext context = make_context(part, scene_.get(), lanes, coherence == Coherence::alike, rays.times);
   RTCRayHit8 rh;
   alignas(32) int valid[8];
   fill(rh.ray, valid, rays, active, t_far);
@@ -146,7 +148,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
 bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
   const LoadedPart& part = *parts_[part_id];
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, ray.t_max)) return false;
-  QueryContext context = make_context(part, nullptr, false, &ray.time, ray.bricks);
+  QueryContext context = make_context(part, scene_.get(), nullptr, false, &ray.time, ray.bricks);
   RTCRay r = single_ray(ray, ray.t_max);
   rtcOccluded1(part.scene(), &context.embree, &r);
   return r.tfar < 0;
@@ -157,7 +159,7 @@ std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const RayPacket& ray
   active = that_may_hit(part, rays, active, rays.t_max);
   if (!active) return 0;
   // Even to one light rays part early enough that Embree's way for coherent packets takes half as long again.
-  QueryContext context = make_context(part, nullptr, false, rays.times);
+  QueryContext context = make_context(part, scene_.get(), nullptr, false, rays.times);
   RTCRay8 r;
   alignas(32) int valid[8];
   fill(r, valid, rays, active, rays.t_max);
@@ -166,51 +168,134 @@ std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const RayPacket& ray
 }
 
 Resident::Resident(const Options& options)
-    : alpha_(options.alpha),
-      device_(std::make_shared<Device>(options.threads, options.isa.c_str())),
-      set_(std::make_shared<ResidentSet>()) {}
-Resident::~Resident() = default;
+    : cache_(options.cache),
+      device_(cache_ ? nullptr : std::make_shared<Device>(options.threads, options.isa.c_str())),
+      set_(std::make_shared<ResidentSet>()) {
+  set_scene({options.alpha, {}});
+}
 
-void Resident::set_alpha(AlphaFunction alpha) { alpha_ = std::move(alpha); }
-void Resident::set_collision_rates(std::vector<CollisionRate> rates) { rates_ = std::move(rates); }
+Resident::~Resident() {
+  if (!cache_) return;
+  for (Loaded& part : held()) cache_->give_back(part);
+}
+
+void Resident::set_scene(SceneFunctions scene) {
+  auto next = std::make_shared<ResidentSet>(*set_);
+  next->scene_ = std::make_shared<const SceneFunctions>(std::move(scene));
+  set_ = std::move(next);
+}
+void Resident::set_alpha(AlphaFunction alpha) { set_scene({std::move(alpha), set_->scene_->rates}); }
+void Resident::set_collision_rates(std::vector<CollisionRate> rates) { set_scene({set_->scene_->alpha, std::move(rates)}); }
+
+Resident::Loaded Resident::build(Part part, std::vector<Loaded> prototypes, BvhForm form) {
+  if (!cache_) return std::make_shared<const LoadedPart>(device_, std::move(part), std::move(prototypes), form);
+  bool there = false;
+  return cache_->take({}, [&] {
+    return [&](const std::shared_ptr<Device>& device) {
+      return std::make_shared<const LoadedPart>(device, std::move(part), std::move(prototypes), form);
+    };
+  }, there);
+}
+
+Resident::Loaded Resident::share(const PartKey& key, BvhForm form, const std::function<Part()>& read,
+                                 const std::function<void(const Part&)>& check, bool& there) {
+  const Loaded loaded = cache_->take(key, [&]() -> PartCache::Build {
+    // Shared, because what builds must be copyable.
+    const auto part = std::make_shared<Part>(read());
+    return [part, form, prototypes = prototypes_of(*part)](const std::shared_ptr<Device>& device) {
+      return std::make_shared<const LoadedPart>(device, std::move(*part), prototypes, form);
+    };
+  }, there);
+  if (!there) return loaded;
+  try {
+    check(loaded->part());
+  } catch (...) {
+    cache_->give_back(loaded);
+    throw;
+  }
+  return loaded;
+}
+
+std::vector<Resident::Loaded> Resident::prototypes_of(const Part& part) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<Loaded> needed(prototypes_.size());
+  for (const InstanceRecord& r : part.instances)
+    if (r.prototype < prototypes_.size()) needed[r.prototype] = prototypes_[r.prototype];
+  return needed;
+}
+
+void Resident::drop(Loaded loaded) {
+  if (loaded && cache_) cache_->give_back(loaded);
+}
+
+void Resident::put_prototype(std::uint32_t prototype, Loaded loaded) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (prototypes_.size() <= prototype) prototypes_.resize(prototype + 1);
+    std::swap(prototypes_[prototype], loaded);
+  }
+  drop(std::move(loaded));
+  bytes();  // for the peak
+}
+
+void Resident::put_part(PartId id, Loaded loaded) {
+  {
+    const std::lock_guard lock(mutex_);
+    auto next = std::make_shared<ResidentSet>(*set_);
+    if (next->parts_.size() <= id.value) next->parts_.resize(id.value + 1);
+    std::swap(next->parts_[id.value], loaded);
+    set_ = std::move(next);
+  }
+  drop(std::move(loaded));
+  bytes();
+}
 
 std::uint64_t Resident::load_prototype(std::uint32_t prototype, Part part) {
-  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, rates_, std::move(part),
-                                                   std::vector<std::shared_ptr<const LoadedPart>>(), BvhForm::fast);
-  const std::lock_guard lock(mutex_);
-  if (prototypes_.size() <= prototype) prototypes_.resize(prototype + 1);
-  prototypes_[prototype] = loaded;
+  const Loaded loaded = build(std::move(part), {}, BvhForm::fast);
+  put_prototype(prototype, loaded);
   return loaded->bytes();
 }
 
 std::uint64_t Resident::load_part(PartId id, Part part, BvhForm form) {
-  std::vector<std::shared_ptr<const LoadedPart>> needed;
-  {
-    const std::lock_guard lock(mutex_);
-    needed.resize(prototypes_.size());
-    for (const InstanceRecord& r : part.instances)
-      if (r.prototype < prototypes_.size()) needed[r.prototype] = prototypes_[r.prototype];
-  }
-  auto loaded = std::make_shared<const LoadedPart>(device_, alpha_, rates_, std::move(part), std::move(needed), form);
-  const std::lock_guard lock(mutex_);
-  auto next = std::make_shared<ResidentSet>(*set_);
-  if (next->parts_.size() <= id.value) next->parts_.resize(id.value + 1);
-  next->parts_[id.value] = loaded;
-  set_ = std::move(next);
+  auto needed = prototypes_of(part);
+  const Loaded loaded = build(std::move(part), std::move(needed), form);
+  put_part(id, loaded);
   return loaded->bytes();
 }
 
+bool Resident::share_prototype(std::uint32_t prototype, const PartKey& key, const std::function<Part()>& read,
+                               const std::function<void(const Part&)>& check) {
+  bool there = false;
+  put_prototype(prototype, share(key, BvhForm::fast, read, check, there));
+  return there;
+}
+
+bool Resident::share_part(PartId id, const PartKey& key, BvhForm form, const std::function<Part()>& read,
+                          const std::function<void(const Part&)>& check) {
+  bool there = false;
+  put_part(id, share(key, form, read, check, there));
+  return there;
+}
+
 void Resident::unload_part(PartId id) {
-  const std::lock_guard lock(mutex_);
-  if (!set_->has(id.value)) return;
-  auto next = std::make_shared<ResidentSet>(*set_);
-  next->parts_[id.value].reset();
-  set_ = std::move(next);
+  Loaded gone;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!set_->has(id.value)) return;
+    auto next = std::make_shared<ResidentSet>(*set_);
+    std::swap(next->parts_[id.value], gone);
+    set_ = std::move(next);
+  }
+  drop(std::move(gone));
 }
 
 void Resident::unload_prototype(std::uint32_t prototype) {
-  const std::lock_guard lock(mutex_);
-  if (prototype < prototypes_.size()) prototypes_[prototype].reset();
+  Loaded gone;
+  {
+    const std::lock_guard lock(mutex_);
+    if (prototype < prototypes_.size()) std::swap(prototypes_[prototype], gone);
+  }
+  drop(std::move(gone));
 }
 
 bool Resident::has_prototype(std::uint32_t prototype) const {
@@ -218,8 +303,31 @@ bool Resident::has_prototype(std::uint32_t prototype) const {
   return prototype < prototypes_.size() && prototypes_[prototype] != nullptr;
 }
 
-std::uint64_t Resident::bytes() const { return device_->bytes(); }
-std::uint64_t Resident::peak_bytes() const { return device_->peak(); }
+std::vector<Resident::Loaded> Resident::held() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<Loaded> all;
+  for (const auto* list : {&prototypes_, &set_->parts_})
+    std::ranges::copy_if(*list, std::back_inserter(all), [](const Loaded& p) { return p != nullptr; });
+  return all;
+}
+
+std::uint64_t Resident::bytes() const {
+  if (!cache_) return device_->bytes();
+  std::uint64_t sum = 0;
+  const std::lock_guard lock(mutex_);
+  for (const auto* list : {&prototypes_, &set_->parts_})
+    for (const Loaded& p : *list) sum += p ? p->bytes() : 0;
+  held_peak_ = std::max(held_peak_, sum);
+  return sum;
+}
+
+double Resident::own_bytes() const { return cache_ ? cache_->share_of(held()) : static_cast<double>(bytes()); }
+
+std::uint64_t Resident::peak_bytes() const {
+  if (!cache_) return device_->peak();
+  const std::lock_guard lock(mutex_);
+  return held_peak_;
+}
 
 std::shared_ptr<const ResidentSet> Resident::snapshot() const {
   const std::lock_guard lock(mutex_);

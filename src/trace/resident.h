@@ -24,8 +24,16 @@ struct CollisionRate {
   Rgb blocking{0};  // that end a shadow ray
 };
 
+// What a scene says of hits; parts do not know it, so that scenes can share them.
+struct SceneFunctions {
+  AlphaFunction alpha;               // null: alpha textures are ignored
+  std::vector<CollisionRate> rates;  // by grid medium
+};
+
 class Device;        // Embree's device with its memory counter
 class LoadedPart;    // one part or prototype with its BVH
+class PartCache;     // loaded parts that several scenes share
+struct PartKey;
 
 // What is resident at one moment. Immutable: tracing takes a snapshot per batch and no lock.
 class ResidentSet {
@@ -52,6 +60,7 @@ class ResidentSet {
  private:
   friend class Resident;
   std::vector<std::shared_ptr<const LoadedPart>> parts_;
+  std::shared_ptr<const SceneFunctions> scene_;
 };
 
 // Loads and drops parts. Any thread; loads of different parts run at the same time.
@@ -61,6 +70,7 @@ class Resident {
     unsigned threads = 1;       // that join a build
     std::string isa = "avx2";   // Embree's max_isa: every host of a cluster uses the same
     AlphaFunction alpha;        // null: alpha textures are ignored
+    std::shared_ptr<PartCache> cache;  // shared with other scenes; null: threads and isa of one of its own
   };
   explicit Resident(const Options& options);
   ~Resident();
@@ -71,23 +81,41 @@ class Resident {
   // Throws ClusterError when Embree fails (out of memory).
   std::uint64_t load_prototype(std::uint32_t prototype, Part part);
   std::uint64_t load_part(PartId id, Part part, BvhForm form = BvhForm::fast);
+  // With a cache: takes what is loaded already, or calls `read` and loads it. `check` looks at what another scene has
+  // loaded, and throws when this one cannot use it. True: it was there.
+  bool share_prototype(std::uint32_t prototype, const PartKey& key, const std::function<Part()>& read,
+                       const std::function<void(const Part&)>& check);
+  bool share_part(PartId id, const PartKey& key, BvhForm form, const std::function<Part()>& read,
+                  const std::function<void(const Part&)>& check);
   void unload_part(PartId id);
   void unload_prototype(std::uint32_t prototype);  // dropped when the last part that uses it goes
   bool has_prototype(std::uint32_t prototype) const;
   void set_alpha(AlphaFunction alpha);  // before the first load
   void set_collision_rates(std::vector<CollisionRate> rates);  // likewise
 
-  std::uint64_t bytes() const;       // arrays and BVHs now
+  std::uint64_t bytes() const;       // arrays and BVHs now; with a cache, of what this scene holds, others' share included
+  double own_bytes() const;          // the same with shared parts divided by their users
   std::uint64_t peak_bytes() const;  // the most that bytes() has been, builds included
   std::shared_ptr<const ResidentSet> snapshot() const;
 
  private:
-  AlphaFunction alpha_;
-  std::vector<CollisionRate> rates_;
+  using Loaded = std::shared_ptr<const LoadedPart>;
+  Loaded build(Part part, std::vector<Loaded> prototypes, BvhForm form);
+  Loaded share(const PartKey& key, BvhForm form, const std::function<Part()>& read, const std::function<void(const Part&)>& check,
+               bool& there);
+  std::vector<Loaded> prototypes_of(const Part& part) const;
+  void put_part(PartId id, Loaded loaded);
+  void put_prototype(std::uint32_t prototype, Loaded loaded);
+  void drop(Loaded loaded);  // without the mutex: one that is neither in the set nor among the prototypes any more
+  void set_scene(SceneFunctions scene);
+  std::vector<Loaded> held() const;
+
+  std::shared_ptr<PartCache> cache_;
   std::shared_ptr<Device> device_;
   mutable std::mutex mutex_;
-  std::vector<std::shared_ptr<const LoadedPart>> prototypes_;
+  std::vector<Loaded> prototypes_;
   std::shared_ptr<const ResidentSet> set_;
+  mutable std::uint64_t held_peak_ = 0;  // with a cache
 };
 
 // Threads that trace or shade call this once: denormals are zero everywhere alike (Embree wants it, and all hosts
