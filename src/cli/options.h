@@ -8,6 +8,8 @@
 
 #include "cluster/render.h"
 #include "cluster/worker.h"
+#include "service/client.h"
+#include "service/service.h"
 
 namespace cloudrenderer {
 
@@ -23,11 +25,13 @@ struct RenderOptions {  // render and manager
   std::set<std::string> layers;  // beside R G B
   bool quiet = false;
   std::vector<std::string> command_line;
+  int parent = 0;  // a process to die with; 0: none
   LogOptions log;
 };
 
 struct SplitCommand {
-  std::string scene, output;
+  std::string scene, output, report;
+  int parent = 0;
   SplitOptions options;
 };
 
@@ -54,8 +58,46 @@ struct HelpText {  // asked for: printed, exit code 0
   std::string text;
 };
 
-using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions,
-                             InfoOptions, HelpText>;
+struct ServeOptions {
+  ServiceConfig config;
+  Address listen, api;
+  std::string users, prices;  // files; "": none
+  double lost_after_s = 3;
+  LogOptions log;
+};
+
+struct SubmitOptions {
+  ServiceAddress service;
+  std::vector<std::string> scenes;
+  JobRequest request;  // user, scene and files apart
+  bool wait = false, quiet = false;
+};
+struct StatusOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;  // 0: all
+};
+struct FetchOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+  std::string output;
+};
+struct CancelOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+};
+struct ResumeOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+  std::optional<double> budget;
+};
+struct LogsOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+  std::optional<std::uint64_t> frame;
+};
+
+using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions, InfoOptions, ServeOptions,
+                             SubmitOptions, StatusOptions, FetchOptions, CancelOptions, ResumeOptions, LogsOptions, HelpText>;
 
 // Throws UsageError.
 Command parse_command_line(int argc, const char* const* argv);

@@ -1,6 +1,7 @@
 #include "scene/parser.h"
 
 #include <algorithm>
+#include <filesystem>
 
 #include "scene/dialect.h"
 
@@ -79,7 +80,7 @@ Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnin
         builder_.warn_once(where, message);
       }) {
   paths_.check(path, {});
-  if (options.files) options.files->insert(canonical_file(path));
+  if (options.files) options.files->insert(std::filesystem::absolute(path).lexically_normal().string());
   open_file(path, {});
 }
 
