@@ -147,7 +147,7 @@ class Service(support.ClusterTest):
         self.assertNotIn(str(self.folder), self.command("ann", "logs", ann, "--frame", 0), "where the service keeps its files is nobody's business")
 
     def test_a_service_that_is_killed_goes_on(self):
-        spp = self.spp_for_frame(6, support.SCENE, "80x80")
+        spp = self.spp_for_frame(3, support.SCENE, "80x80")
         self.serve()
         options = ["--spp", spp, "--resolution", "80x80", *SPLIT]
         job = self.submit("ann", support.SCENE, *options)
@@ -208,7 +208,7 @@ class Service(support.ClusterTest):
         self.command("bob", "submit", "--wait", good)
 
     def test_a_budget_stops_a_job_until_it_is_raised(self):
-        spp = self.spp_for_frame(6, support.SCENE, "80x80")
+        spp = self.spp_for_frame(2, support.SCENE, "80x80")
         self.serve(1)
         job = self.submit("ann", support.SCENE, "--spp", spp, "--resolution", "80x80", "--budget", 1, "--on-budget", "ask", *SPLIT)
         state = self.wait_for_end("ann", job, "paused")
