@@ -86,7 +86,9 @@ inline ParsedScene parse_text(const std::string& text,
                               std::optional<Dialect> dialect = std::nullopt) {
   const TemporaryFolder folder;
   ParsedScene out;
-  out.scene = parse_scene(folder.write("scene.pbrt", text), {dialect}, out.sink, out.warnings);
+  ParseOptions options;
+  options.dialect = dialect;
+  out.scene = parse_scene(folder.write("scene.pbrt", text), options, out.sink, out.warnings);
   return out;
 }
 

@@ -7,13 +7,14 @@ import pathlib
 import re
 import sys
 
-LAYERS = "base scene shapes parts trace shading film integrator wire tasks simulate net cluster web cli".split()
+LAYERS = "base scene shapes parts trace shading film integrator wire tasks simulate net cluster web service cli".split()
 RANK = {name: rank for rank, name in enumerate(LAYERS)}
 # Libraries that only some layers may name.
 FENCED = [
     (re.compile(r"embree[34]/|rtcore"), {"trace"}),
-    (re.compile(r"asio(\.hpp|/)|boost/asio"), {"net", "cluster", "web"}),
-    (re.compile(r"httplib|prometheus/"), {"web"}),
+    (re.compile(r"asio(\.hpp|/)|boost/asio"), {"net", "cluster", "web", "service"}),
+    (re.compile(r"httplib|prometheus/"), {"web", "service"}),
+    (re.compile(r"sqlite3"), {"service"}),
     (re.compile(r"CLI/|CLI11"), {"cli"}),
 ]
 # What the public headers may not name, besides everything in src/.

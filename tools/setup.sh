@@ -9,7 +9,7 @@ packages=(
   uuid-dev libasio-dev libprotobuf-dev protobuf-compiler libssl-dev openssl
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
   zlib1g-dev liblz4-dev libzstd-dev libxxhash-dev libboost-dev
-  libcpp-httplib-dev prometheus-cpp-dev
+  libcpp-httplib-dev prometheus-cpp-dev libsqlite3-dev
 )
 [[ ${1:-} == --build-only ]] || packages+=(
   libgtest-dev libbenchmark-dev

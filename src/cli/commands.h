@@ -13,6 +13,13 @@ int run_worker_command(const WorkerOptionsGiven& options, Interrupts& interrupts
 int run_compare(const CompareOptions& options);
 int run_info(const InfoOptions& options);
 int run_simulate(const SimulateOptions& options);
+int run_serve(const ServeOptions& options, Interrupts& interrupts);
+int run_submit(const SubmitOptions& options);
+int run_status(const StatusOptions& options);
+int run_fetch(const FetchOptions& options);
+int run_cancel(const CancelOptions& options);
+int run_resume(const ResumeOptions& options);
+int run_logs(const LogsOptions& options);
 
 // "file:line:column: warning: ..." on standard error: the first twenty, then how many more.
 void print_warnings(const std::vector<std::string>& warnings);

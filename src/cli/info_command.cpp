@@ -159,6 +159,7 @@ int info_of_scene(const InfoOptions& options) {
   CountingSink sink;
   ParseOptions parse;
   parse.dialect = options.dialect;
+  parse.confine = options.confine;
   LanguageUse use;
   parse.use = &use;
   const SceneDescription scene = parse_scene(options.scene, parse, sink, warnings);

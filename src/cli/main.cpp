@@ -30,6 +30,17 @@ int run(int argc, const char* const* argv) {
                                [](const CompareOptions& o) { return run_compare(o); },
                                [](const InfoOptions& o) { return run_info(o); },
                                [](const SimulateOptions& o) { return run_simulate(o); },
+                               [](const ServeOptions& o) {
+                                 set_up_log(o.log);
+                                 Interrupts interrupts;
+                                 return run_serve(o, interrupts);
+                               },
+                               [](const SubmitOptions& o) { return run_submit(o); },
+                               [](const StatusOptions& o) { return run_status(o); },
+                               [](const FetchOptions& o) { return run_fetch(o); },
+                               [](const CancelOptions& o) { return run_cancel(o); },
+                               [](const ResumeOptions& o) { return run_resume(o); },
+                               [](const LogsOptions& o) { return run_logs(o); },
                                [](const HelpText& o) {
                                  fmt::print("{}", o.text);
                                  return kDone;

@@ -8,6 +8,8 @@
 
 #include "cluster/render.h"
 #include "cluster/worker.h"
+#include "service/client.h"
+#include "service/service.h"
 #include "simulate/cluster_plan.h"
 
 namespace cloudrenderer {
@@ -24,11 +26,13 @@ struct RenderOptions {  // render and manager
   std::set<std::string> layers;  // beside R G B
   bool quiet = false;
   std::vector<std::string> command_line;
+  int parent = 0;  // a process to die with; 0: none
   LogOptions log;
 };
 
 struct SplitCommand {
-  std::string scene, output;
+  std::string scene, output, report;
+  int parent = 0;
   SplitOptions options;
 };
 
@@ -48,6 +52,7 @@ struct InfoOptions {
   std::string scene;
   bool language = false;  // print docs/language.md instead
   std::optional<Dialect> dialect;
+  std::string confine;
 };
 
 struct SimulateOptions {
@@ -63,8 +68,46 @@ struct HelpText {  // asked for: printed, exit code 0
   std::string text;
 };
 
-using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions,
-                             InfoOptions, SimulateOptions, HelpText>;
+struct ServeOptions {
+  ServiceConfig config;
+  Address listen, api;
+  std::string users, prices;  // files; "": none
+  double lost_after_s = 3;
+  LogOptions log;
+};
+
+struct SubmitOptions {
+  ServiceAddress service;
+  std::vector<std::string> scenes;
+  JobRequest request;  // user, scene and files apart
+  bool wait = false, quiet = false;
+};
+struct StatusOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;  // 0: all
+};
+struct FetchOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+  std::string output;
+};
+struct CancelOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+};
+struct ResumeOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+  std::optional<double> budget;
+};
+struct LogsOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+  std::optional<std::uint64_t> frame;
+};
+
+using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions, InfoOptions, SimulateOptions, ServeOptions,
+                             SubmitOptions, StatusOptions, FetchOptions, CancelOptions, ResumeOptions, LogsOptions, HelpText>;
 
 // Throws UsageError.
 Command parse_command_line(int argc, const char* const* argv);

@@ -1,44 +1,13 @@
 #include <CLI/CLI.hpp>
-#include <charconv>
-#include <cmath>
 
 #include "cli/options.h"
-#include "cli/size.h"
+#include "cli/parse_service.h"
+#include "cli/parse_values.h"
 #include "cluster/usage.h"
 #include "net/handshake.h"
 
 namespace cloudrenderer {
 namespace {
-
-template <class T>
-std::optional<T> number(std::string_view text) {
-  T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-// A value of at least `least`. CLI11 would take "-1" for a large unsigned number.
-template <class T>
-T at_least(const std::string& option, const std::string& text, T least) {
-  const std::optional<T> v = number<T>(text);
-  if (!v || !(*v >= least))
-    throw UsageError(option + " must be a number of at least " + CLI::detail::to_string(least) +
-                     ", got '" + text + "'");
-  return *v;
-}
-
-std::vector<std::string> fields(const std::string& text, char separator) {
-  return CLI::detail::split(text, separator);
-}
-
-std::uint64_t size_option(const std::string& option, const std::string& text) {
-  try {
-    return parse_size(text);
-  } catch (const UsageError& e) {
-    throw UsageError(option + ": " + e.what());
-  }
-}
 
 // Options whose text needs more than a conversion are kept as text and read here, so that every
 // message is ours.
@@ -74,22 +43,24 @@ void add_log(CLI::App& app, LogOptions& log) {
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}));
 }
 
-void add_split(CLI::App& app, Texts& t) {
+void add_confine(CLI::App& app, std::string& folder) {
+  app.add_option("--confine", folder, "refuse scenes that name a file outside of this folder, links resolved")
+      ->check(CLI::ExistingDirectory);
+}
+
+void add_split(CLI::App& app, Texts& t, std::string& confine) {
+  add_confine(app, confine);
   app.add_option("--part-size", t.part_size, "memory of a loaded part at most (default 64MiB)");
   app.add_option("--dialect", t.dialect, "read the scene as pbrt v2, v3 or v4, whatever it looks like");
 }
 
 void read_split(const Texts& t, SplitOptions& o) {
   if (!t.part_size.empty()) o.part_size = size_option("--part-size", t.part_size);
-  if (!t.dialect.empty()) {
-    if (t.dialect != "v2" && t.dialect != "v3" && t.dialect != "v4")
-      throw UsageError("--dialect is v2, v3 or v4, got '" + t.dialect + "'");
-    o.dialect = t.dialect == "v2" ? Dialect::v2 : t.dialect == "v3" ? Dialect::v3 : Dialect::v4;
-  }
+  if (!t.dialect.empty()) o.dialect = dialect_option(t.dialect);
 }
 
 void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrator) {
-  app.add_option("scene", o.request.scene, "a .pbrt file or a folder made by split")->required();
+  app.add_option("scene", o.request.scene, "a .pbrt file or a folder made by split");
   app.add_option("-o,--output", o.output,
                  "picture to write, .exr, .pfm, .png or .tga (default: as the scene says, here)");
   app.add_option("--replication", t.replication, "hosts that hold each part at least");
@@ -120,17 +91,8 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--display", t.display, "HOST:PORT of the viewer tev, which shows the picture as it grows");
   app.add_flag("--quiet", o.quiet, "no progress");
   app.add_flag("--allow-inexact", o.request.allow_inexact, "take hosts whose arithmetic differs");
-  add_split(app, t);
+  add_split(app, t, o.request.split.confine);
   add_log(app, o.log);
-}
-
-std::pair<std::uint32_t, std::uint32_t> read_resolution(const std::string& text) {
-  const auto wh = fields(text, 'x');
-  const auto w = wh.size() == 2 ? number<std::uint32_t>(wh[0]) : std::nullopt;
-  const auto h = wh.size() == 2 ? number<std::uint32_t>(wh[1]) : std::nullopt;
-  if (!w || !h || *w == 0 || *h == 0 || *w > 65536 || *h > 65536)
-    throw UsageError("--resolution is WIDTHxHEIGHT, for example 640x480, got '" + text + "'");
-  return {*w, *h};
 }
 
 void read_render(const Texts& t, const std::string& integrator, RenderOptions& o) {
@@ -144,24 +106,11 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   if (!t.seed.empty()) j.seed = at_least<std::uint32_t>("--seed", t.seed, 0);
   if (!integrator.empty()) j.integrator = integrator;
   if (!t.resolution.empty()) {
-    const auto [width, height] = read_resolution(t.resolution);
+    const auto [width, height] = resolution_option(t.resolution);
     j.width = width;
     j.height = height;
   }
-  if (!t.crop.empty()) {
-    const auto texts = fields(t.crop, ',');
-    std::array<float, 4> crop{};
-    bool good = texts.size() == 4;
-    for (std::size_t i = 0; good && i < 4; ++i) {
-      const auto v = number<float>(texts[i]);
-      good = v && *v >= 0 && *v <= 1;
-      if (good) crop[i] = *v;
-    }
-    if (!good || crop[0] >= crop[1] || crop[2] >= crop[3])
-      throw UsageError("--crop is X0,X1,Y0,Y1 in [0,1] with X0 < X1 and Y0 < Y1, got '" + t.crop +
-                       "'");
-    j.crop = crop;
-  }
+  if (!t.crop.empty()) j.crop = crop_option(t.crop);
   if (!t.max_error.empty()) r.max_error = at_least<double>("--max-error", t.max_error, 0);
   if (!t.max_time.empty()) r.max_time_s = at_least<double>("--max-time", t.max_time, 0);
   if (t.sampling == "adaptive" && !r.max_error && !r.max_time_s)
@@ -200,6 +149,8 @@ void read_tls(const Texts& t, TlsOptions& tls) {
   if (t.tls == "on") tls.mode = TlsMode::on;
   if (t.tls == "off") tls.mode = TlsMode::off;
 }
+
+void add_parent(CLI::App& app, Texts& t) { app.add_option("--parent", t.parent, "process to end with")->group(""); }
 
 void add_means(CLI::App& app, Texts& t) {
   app.add_option("--threads", t.threads, "threads of a host (default: all processors)");
@@ -269,7 +220,7 @@ void read_simulate(const SimulateTexts& t, SimulateOptions& o) {
     if (n > 60000) throw UsageError("--hosts is at most 60000: a path's owner has 16 bits");
   if (!t.kinds.empty()) o.plan.kinds.clear();
   for (const std::string& kind : t.kinds) o.plan.kinds.push_back(read_kind(kind));
-  if (!t.resolution.empty()) std::tie(o.width, o.height) = read_resolution(t.resolution);
+  if (!t.resolution.empty()) std::tie(o.width, o.height) = resolution_option(t.resolution);
   if (!t.spp.empty()) o.spp = at_least<std::uint32_t>("--spp", t.spp, 1);
   if (!t.triangles.empty()) o.triangles = static_cast<std::uint64_t>(at_least<double>("--triangles", t.triangles, 1));
   sim::Network& net = o.plan.network;
@@ -298,6 +249,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   app.set_version_flag("--version", "cloudrenderer " CLOUDRENDERER_VERSION);
   app.require_subcommand(1);
   Texts t;
+  ServiceCommands service(app);
   std::string integrator;
 
   RenderOptions render, manager;
@@ -317,6 +269,8 @@ Command parse_command_line(int argc, const char* const* argv) {
   manager_app.add_option("--lost-after", t.lost_after,
                          "seconds of silence after which a worker is lost (default 3)");
   add_door(manager_app, t, manager.token_file, manager.request.tls);
+  service.add_serve(manager_app);
+  add_parent(manager_app, t);
 
   WorkerOptionsGiven worker;
   CLI::App& worker_app = *app.add_subcommand("worker", "work for a manager");
@@ -335,7 +289,7 @@ Command parse_command_line(int argc, const char* const* argv) {
                       "take no paths: load parts and answer for them");
   worker_app.add_flag("--allow-inexact", worker.config.allow_inexact,
                       "join although the arithmetic differs");
-  worker_app.add_option("--parent", t.parent, "process to end with")->group("");
+  add_parent(worker_app, t);
   add_means(worker_app, t);
   add_log(worker_app, worker.log);
 
@@ -344,7 +298,9 @@ Command parse_command_line(int argc, const char* const* argv) {
   split_app.add_option("scene", split.scene, "a .pbrt file")->required();
   split_app.add_option("-o,--output", split.output, "folder to write")->required();
   split_app.add_flag("--text", split.options.text, "also write the split as a pbrt scene");
-  add_split(split_app, t);
+  split_app.add_option("--report", split.report, "write what its hosts need to this JSON file");
+  add_split(split_app, t, split.options.confine);
+  add_parent(split_app, t);
 
   CompareOptions compare;
   CLI::App& compare_app = *app.add_subcommand("compare", "compare a picture with a reference");
@@ -357,6 +313,7 @@ Command parse_command_line(int argc, const char* const* argv) {
       *app.add_subcommand("info", "what is in a scene or a split, and what is not supported");
   info_app.add_option("scene", info.scene, "a .pbrt file or a folder made by split");
   info_app.add_option("--dialect", t.dialect, "read the scene as pbrt v2, v3 or v4");
+  add_confine(info_app, info.confine);
   info_app.add_flag("--language", info.language,
                     "print what is read of the scene language instead (docs/language.md)");
 
@@ -368,7 +325,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   if (argc > 1 && argv[1][0] != '-' &&
       app.get_subcommands([&](CLI::App* a) { return a->get_name() == argv[1]; }).empty())
     throw UsageError("there is no command '" + std::string(argv[1]) +
-                     "'; known are render, manager, worker, split, compare, info and simulate");
+                     "'; known are render, manager, worker, split, compare, info, simulate, submit, status, fetch, cancel, resume and logs");
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help, --version
@@ -382,7 +339,13 @@ Command parse_command_line(int argc, const char* const* argv) {
   const unsigned threads =
       t.threads.empty() ? available_threads() : at_least<unsigned>("--threads", t.threads, 1);
   if (threads > 1024) throw UsageError("--threads is at most 1024");
+  const int parent = t.parent.empty() ? 0 : at_least<int>("--parent", t.parent, 1);
+  if (auto command = service.read()) return std::move(*command);
+  const auto need_scene = [](const RenderOptions& o) {
+    if (o.request.scene.empty()) throw UsageError("scene is required: a .pbrt file or a folder made by split");
+  };
   if (render_app.parsed()) {
+    need_scene(render);
     read_render(t, integrator, render);
     read_tls(t, render.request.tls);
     render.request.hosts = t.hosts.empty() ? 1 : at_least<std::uint32_t>("--hosts", t.hosts, 1);
@@ -393,9 +356,16 @@ Command parse_command_line(int argc, const char* const* argv) {
     return render;
   }
   if (manager_app.parsed()) {
-    read_render(t, integrator, manager);
     read_tls(t, manager.request.tls);
-    manager.request.listen = Address::parse(t.listen);
+    const Address listen = Address::parse(t.listen);
+    if (service.serves()) {
+      if (!manager.request.scene.empty()) throw UsageError("--serve takes no scene: users submit them");
+      return service.read_serve(listen, manager);
+    }
+    need_scene(manager);
+    read_render(t, integrator, manager);
+    manager.request.listen = listen;
+    manager.parent = parent;
     if (!t.min_hosts.empty())
       manager.request.min_hosts = at_least<std::uint32_t>("--min-hosts", t.min_hosts, 1);
     if (!t.wait.empty()) manager.request.wait_s = at_least<double>("--wait", t.wait, 0);
@@ -412,7 +382,7 @@ Command parse_command_line(int argc, const char* const* argv) {
     if (!t.advertise.empty()) c.advertise = Address::parse(t.advertise);
     if (!t.wait.empty())
       c.patience = std::chrono::duration<double>(at_least<double>("--wait", t.wait, 0));
-    if (!t.parent.empty()) worker.parent = at_least<int>("--parent", t.parent, 1);
+    worker.parent = parent;
     if (!t.alpha.empty()) c.alpha = at_least<float>("--alpha", t.alpha, 0);
     c.threads = threads;
     c.memory = t.memory.empty() ? default_memory(1) : size_option("--memory", t.memory);
@@ -420,6 +390,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   }
   if (split_app.parsed()) {
     read_split(t, split.options);
+    split.parent = parent;
     return split;
   }
   if (compare_app.parsed()) {

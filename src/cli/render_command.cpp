@@ -7,6 +7,7 @@
 #include "cli/progress.h"
 #include "cli/report.h"
 #include "cli/size.h"
+#include "cluster/processes.h"
 #include "net/handshake.h"
 #include "web/display.h"
 #include "web/window.h"
@@ -91,6 +92,7 @@ std::string after_lost_picture(const RenderOutcome& r) {
 }  // namespace
 
 int run_render(const RenderOptions& given, Interrupts& interrupts) {
+  if (given.parent > 0) die_with_parent(given.parent);
   RenderOptions o = given;
   RenderRequest& request = o.request;
   if (!fs::exists(request.scene)) throw SceneError({}, request.scene + ": there is no such file");

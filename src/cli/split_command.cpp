@@ -1,13 +1,43 @@
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
 #include "cli/size.h"
+#include "cluster/job_start.h"
+#include "cluster/processes.h"
 
 namespace cloudrenderer {
 
+namespace {
+
+// What a host needs to hold the main scene and any one part, with what loading it takes on top.
+void write_needs(const Manifest& m, const std::string& path) {
+  std::uint64_t largest = 0, all = 0;
+  for (std::uint32_t i = 0; i < m.parts.size(); ++i) {
+    all += m.parts[i].loaded_bytes;
+    std::uint64_t bytes = (i == 0 ? 0 : m.parts[i].loaded_bytes) + build_bytes(m, i);
+    for (const std::uint32_t p : m.parts[i].prototypes) bytes += m.prototypes.at(p).loaded_bytes;
+    largest = std::max(largest, bytes);
+  }
+  for (const PrototypeInfo& p : m.prototypes) all += p.loaded_bytes;
+  const nlohmann::ordered_json json = {{"main_bytes", m.parts.empty() ? 0 : m.parts[0].loaded_bytes},
+                                       {"largest_bytes", largest},
+                                       {"bytes", all},
+                                       {"parts", m.parts.size()},
+                                       {"triangles", m.total_triangles}};
+  std::ofstream out(path);
+  out << json.dump(1) << "\n";
+  if (!out.flush()) throw std::runtime_error("cannot write the report " + path);
+}
+
+}  // namespace
+
 int run_split(const SplitCommand& options) {
+  if (options.parent > 0) die_with_parent(options.parent);
   if (!std::filesystem::is_regular_file(options.scene))
     throw SceneError({}, options.scene + ": there is no such scene file");
   Warnings warnings;
@@ -18,6 +48,7 @@ int run_split(const SplitCommand& options) {
   for (const PrototypeInfo& p : m.prototypes) bytes += p.loaded_bytes;
   fmt::print("{}: {} parts, {} prototypes, {} triangles, about {} when loaded\n", options.output,
              m.parts.size(), m.prototypes.size(), m.total_triangles, format_size(bytes));
+  if (!options.report.empty()) write_needs(m, options.report);
   return kDone;
 }
 

@@ -23,6 +23,7 @@ Manifest split_scene(const std::string& scene_path, const std::string& out_folde
   SceneSplitter splitter(out_folder, options, warnings);
   ParseOptions parse;
   parse.dialect = options.dialect;
+  parse.confine = options.confine;
   SceneDescription scene = parse_scene(scene_path, parse, splitter.sink(), warnings);
   return splitter.finish(std::move(scene));
 }

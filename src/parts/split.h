@@ -17,6 +17,7 @@ struct SplitOptions {
   std::uint64_t large_object = std::uint64_t{256} << 20;
   std::uint64_t memory = std::uint64_t{512} << 20;    // anonymous memory that the split itself may use
   std::optional<Dialect> dialect;
+  std::string confine;          // the only folder that the scene's files may be in, links resolved; "": any
   bool text = false;            // also write the split as pbrt text (main.pbrt, parts/00017.pbrt)
   std::string scratch;          // folder for temporary files; "" = the output folder
 };

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -141,6 +142,8 @@ class LanguageUse;
 struct ParseOptions {
   std::optional<Dialect> dialect;  // forced by --dialect
   LanguageUse* use = nullptr;      // counts what the scene uses
+  std::string confine;             // the only folder that its files may be in, links resolved; "": any
+  std::set<std::string>* files = nullptr;  // collects the absolute names of all files that it names, its own too
 };
 
 // Reads a .pbrt file (v2 or v3 spelling, gzip allowed) with its includes. Throws SceneError for

@@ -64,10 +64,11 @@ constexpr auto kV4Params = std::to_array<std::string_view>(
 
 class Detector {
  public:
-  explicit Detector(const std::string& path) : paths_(path) {}
+  Detector(const std::string& path, const std::string& confine) : paths_(path, confine) {}
 
   Dialect scan_all(const std::string& path) {
     try {
+      paths_.check(path, {});
       scan(path);
     } catch (const SceneError&) {  // what is wrong with a file, the parser says
     }
@@ -132,6 +133,8 @@ class Detector {
 
 }  // namespace
 
-Dialect detect_dialect(const std::string& path) { return Detector(path).scan_all(path); }
+Dialect detect_dialect(const std::string& path, const std::string& confine) {
+  return Detector(path, confine).scan_all(path);
+}
 
 }  // namespace cloudrenderer

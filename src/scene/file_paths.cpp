@@ -21,20 +21,39 @@ std::string folder_of(const std::string& file) {
 }
 }  // namespace
 
-FilePaths::FilePaths(const std::string& scene_path) : top_(folder_of(scene_path)) {}
+FilePaths::FilePaths(const std::string& scene_path, const std::string& confine, std::set<std::string>* named)
+    : top_(folder_of(scene_path)), confine_(confine.empty() ? confine : canonical_file(confine)), named_(named) {}
 
-std::string FilePaths::find(const std::string& name, const std::string& naming_file) const {
+std::string FilePaths::find(const std::string& name, const std::string& naming_file, const FileLocation& where) const {
   if (name.empty()) return name;
+  const auto found = [&](const fs::path& path) {
+    if (named_) named_->insert(path.string());
+    return path.string();
+  };
   const fs::path first = (fs::path(top_) / name).lexically_normal();
-  if (is_there(first)) return first.string();
+  if (admits(first.string()) && is_there(first)) return found(first);
   const fs::path second = (fs::path(folder_of(naming_file)) / name).lexically_normal();
-  if (is_there(second)) return second.string();
+  if (admits(second.string()) && is_there(second)) return found(second);
   if (name.find('\\') != std::string::npos) {  // written on Windows
     std::string slashes = name;
     std::replace(slashes.begin(), slashes.end(), '\\', '/');
-    return find(slashes, naming_file);
+    return find(slashes, naming_file, where);
   }
-  return first.string();
+  if (!admits(first.string()) && !admits(second.string()))
+    throw SceneError(where, "the file '" + name + "' is outside of the scene's folder; files must be inside of it");
+  return found(admits(first.string()) ? first : second);
+}
+
+void FilePaths::check(const std::string& path, const FileLocation& where) const {
+  if (!admits(path))
+    throw SceneError(where, "the file '" + path + "' is outside of the folder " + confine_ + "; files must be inside of it");
+}
+
+bool FilePaths::admits(const std::string& path) const {
+  if (confine_.empty()) return true;
+  std::error_code failed;
+  const std::string real = fs::weakly_canonical(path, failed).string();
+  return !failed && real.starts_with(confine_ == "/" ? confine_ : confine_ + "/");
 }
 
 std::string canonical_file(const std::string& path) {

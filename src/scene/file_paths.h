@@ -1,6 +1,9 @@
 #pragma once
+#include <set>
 #include <string>
 #include <string_view>
+
+#include "base/error.h"
 
 namespace cloudrenderer {
 
@@ -8,14 +11,21 @@ namespace cloudrenderer {
 // file; one that is not there is looked for beside the file that names it.
 class FilePaths {
  public:
-  explicit FilePaths(const std::string& scene_path);
+  // `confine`: the only folder that files may be in, links resolved; "": any. `named` collects what find() gives.
+  explicit FilePaths(const std::string& scene_path, const std::string& confine = {}, std::set<std::string>* named = nullptr);
 
   // The absolute name of a file that `naming_file` names. A file that is nowhere gets its name in
-  // the top folder, so that the message of who opens it is the expected one. "" stays "".
-  std::string find(const std::string& name, const std::string& naming_file) const;
+  // the top folder, so that the message of who opens it is the expected one. "" stays "". Throws SceneError at `where`
+  // when the file is, or would be, outside of the folder that files may be in, whether it is there or not.
+  std::string find(const std::string& name, const std::string& naming_file, const FileLocation& where = {}) const;
+  // The same for a file whose name is known already.
+  void check(const std::string& path, const FileLocation& where) const;
 
  private:
-  std::string top_;
+  bool admits(const std::string& path) const;
+
+  std::string top_, confine_;
+  std::set<std::string>* named_;
 };
 
 // The one absolute name of a file, links resolved.

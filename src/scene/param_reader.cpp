@@ -104,7 +104,7 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
   } else if (row.type == ParamType::string || row.type == ParamType::texture) {
     p.strings = strings(lexer);
     if (row.type == ParamType::string && reads_files && is_file_parameter(p.name))
-      for (std::string& s : p.strings) s = paths_.find(s, *lexer.source().name());
+      for (std::string& s : p.strings) s = paths_.find(s, *lexer.source().name(), p.location);
   } else if (row.spelling == Spelling::spectrum) {
     p.reals = spectrum(lexer, p);
   } else {
@@ -222,7 +222,7 @@ Rgb ParamReader::from_blackbody(std::span<const float> v) const {
 Rgb ParamReader::spectrum_called(const std::string& name, Lexer& lexer, const Token& where) {
   if (dialect_ == Dialect::v4)
     if (const auto known = named_spectrum(name)) return *known;
-  const std::string path = paths_.find(name, *lexer.source().name());
+  const std::string path = paths_.find(name, *lexer.source().name(), lexer.location(where));
   auto known = spd_files_.find({use_, path});
   if (known == spd_files_.end()) {
     if (dialect_ == Dialect::v4 && !std::filesystem::exists(path))

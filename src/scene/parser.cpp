@@ -1,6 +1,7 @@
 #include "scene/parser.h"
 
 #include <algorithm>
+#include <filesystem>
 
 #include "scene/dialect.h"
 
@@ -67,18 +68,19 @@ std::vector<std::string> Parser::directives() {
   return out;
 }
 
-Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings,
-               LanguageUse* use)
+Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings, const ParseOptions& options)
     : dialect_(dialect),
-      paths_(path),
+      paths_(path, options.confine, options.files),
       sink_(sink),
       warnings_(warnings),
-      use_(use),
+      use_(options.use),
       builder_(dialect, path, warnings),
       params_(dialect, paths_, warnings),
       v4_([this](const FileLocation& where, const std::string& message) {
         builder_.warn_once(where, message);
       }) {
+  paths_.check(path, {});
+  if (options.files) options.files->insert(std::filesystem::absolute(path).lexically_normal().string());
   open_file(path, {});
 }
 
@@ -128,7 +130,7 @@ void Parser::close_file() {
 
 void Parser::include(const Token& t) {
   const FileLocation where = location(t);
-  const std::string path = paths_.find(read_string("the name of a file"), *lexer().source().name());
+  const std::string path = paths_.find(read_string("the name of a file"), *lexer().source().name(), where);
   const std::string same = canonical_file(path);
   if (std::any_of(files_.begin(), files_.end(), [&](const OpenFile& f) { return f.path == same; }))
     throw SceneError(where, "'" + path + "' includes itself");
@@ -322,7 +324,7 @@ bool Parser::read_included_params(ParamSet& params, bool reads_files) {
   const Token name = ahead.next();
   if (name.kind != Token::Kind::string) return false;
   const auto text =
-      SourceText::open(paths_.find(Lexer::unescape(name.text), *lexer().source().name()));
+      SourceText::open(paths_.find(Lexer::unescape(name.text), *lexer().source().name(), ahead.location(name)));
   if (!text) return false;  // `include` says it
   Lexer inner(*text);
   if (inner.peek().kind != Token::Kind::string) return false;
@@ -350,9 +352,9 @@ void Parser::count_use(std::string_view directive, const Entity& e) {
 
 SceneDescription parse_scene(const std::string& path, const ParseOptions& options, SceneSink& sink,
                              Warnings& warnings) {
-  const Dialect dialect = options.dialect ? *options.dialect : detect_dialect(path);
+  const Dialect dialect = options.dialect ? *options.dialect : detect_dialect(path, options.confine);
   if (options.use) options.use->set_dialect(dialect);
-  return Parser(path, dialect, sink, warnings, options.use).parse();
+  return Parser(path, dialect, sink, warnings, options).parse();
 }
 
 }  // namespace cloudrenderer

@@ -20,8 +20,8 @@ namespace cloudrenderer {
 // hands on what they describe: geometry to the sink, everything else to the SceneBuilder. One use.
 class Parser {
  public:
-  Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings,
-         LanguageUse* use = nullptr);
+  // `options.dialect` counts for nothing here.
+  Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnings& warnings, const ParseOptions& options = {});
   // The words that are directives, for tests of the language's tables.
   static std::vector<std::string> directives();
   SceneDescription parse();

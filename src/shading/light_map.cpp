@@ -7,6 +7,7 @@
 
 #include "base/portable_math.h"
 #include "shading/equal_area.h"
+#include "shading/open_image.h"
 
 namespace cloudrenderer {
 
@@ -17,8 +18,9 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
     warnings.add(where, "the map " + path + " cannot be read (" + why + "), " + instead);
     return LightMap{};
   };
-  const auto input = OIIO::ImageInput::open(path);
-  if (!input) return give_up(OIIO::geterror());
+  std::string why;
+  const auto input = open_image_file(path, nullptr, why);
+  if (!input) return give_up(why);
   const OIIO::ImageSpec& spec = input->spec();
   const auto channels = static_cast<std::size_t>(spec.nchannels);
   if (spec.width < 1 || spec.height < 1 || channels < 1) return give_up("it is empty");

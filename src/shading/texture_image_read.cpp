@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "shading/open_image.h"
 #include "shading/texture_image.h"
 
 namespace cloudrenderer {
@@ -23,9 +24,9 @@ struct Pixels {
 std::unique_ptr<OIIO::ImageInput> open_image(const std::string& path, const FileLocation& where) {
   OIIO::ImageSpec config;
   config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: pbrt ignores alpha
-  std::unique_ptr<OIIO::ImageInput> file = OIIO::ImageInput::open(path, &config);
-  if (!file)
-    throw SceneError(where, "cannot read texture image \"" + path + "\": " + OIIO::geterror());
+  std::string why;
+  std::unique_ptr<OIIO::ImageInput> file = open_image_file(path, &config, why);
+  if (!file) throw SceneError(where, "cannot read texture image \"" + path + "\": " + why);
   const OIIO::ImageSpec& spec = file->spec();
   if (spec.width <= 0 || spec.height <= 0 || spec.depth > 1)
     throw SceneError(where, "texture image \"" + path + "\" is not a 2D image");

@@ -1,42 +1,7 @@
-#include <prometheus/metric_family.h>
-#include <prometheus/text_serializer.h>
-
 #include "web/job_view.h"
+#include "web/metric_families.h"
 
 namespace cloudrenderer {
-namespace {
-
-using prometheus::ClientMetric;
-using prometheus::MetricFamily;
-using prometheus::MetricType;
-using Labels = std::vector<ClientMetric::Label>;
-
-// Metrics that Prometheus's text has, made anew for every answer: nothing is counted twice.
-class Families {
- public:
-  void gauge(const char* name, const char* help, double value, Labels labels = {}) {
-    add(name, help, MetricType::Gauge, std::move(labels)).gauge.value = value;
-  }
-  void counter(const char* name, const char* help, double value, Labels labels = {}) {
-    add(name, help, MetricType::Counter, std::move(labels)).counter.value = value;
-  }
-  std::string text() const { return prometheus::TextSerializer().Serialize(families_); }
-
- private:
-  ClientMetric& add(const char* name, const char* help, MetricType type, Labels labels) {
-    auto family = std::find_if(families_.begin(), families_.end(), [&](const MetricFamily& f) { return f.name == name; });
-    if (family == families_.end()) {
-      families_.push_back({name, help, type, {}});
-      family = families_.end() - 1;
-    }
-    ClientMetric& metric = family->metric.emplace_back();
-    metric.label = std::move(labels);
-    return metric;
-  }
-  std::vector<MetricFamily> families_;
-};
-
-}  // namespace
 
 std::string metrics_text(const JobView& job) {
   Families f;
@@ -63,7 +28,7 @@ std::string metrics_text(const JobView& job) {
   for (const HostView& h : job.hosts) {
     const wire::Counters& c = h.status.counters();
     const auto labels = [&](const char* name = nullptr, const char* value = nullptr) {
-      Labels l{{"host", std::to_string(h.id)}, {"name", h.name}};
+      Families::Labels l{{"host", std::to_string(h.id)}, {"name", h.name}};
       if (name) l.push_back({name, value});
       return l;
     };

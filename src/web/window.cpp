@@ -1,15 +1,11 @@
 #include "web/window.h"
 
-#include <httplib.h>
-#include <openssl/crypto.h>
-#include <openssl/ssl.h>
-
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "base/error.h"
 #include "base/log.h"
-#include "net/own_certificate.h"
+#include "web/http_server.h"
 #include "web/hub.h"
 #include "web/page.h"
 
@@ -21,48 +17,14 @@ constexpr std::size_t kLargestRequest = 64 * 1024;
 // What keeps other pages of the viewer's browser from asking in their name: they cannot set it.
 constexpr const char* kOwnHeader = "X-Cloudrenderer";
 
-bool same(const std::string& a, const std::string& b) {
-  return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
-}
-
-// The host of a Host header, without its port.
-std::string host_of(const std::string& header) {
-  const std::size_t bracket = header.find(']');
-  if (!header.empty() && header.front() == '[') return header.substr(1, bracket == std::string::npos ? bracket : bracket - 1);
-  return header.substr(0, header.find(':'));
-}
-
-void answer_json(httplib::Response& response, const nlohmann::ordered_json& json) {
-  response.set_content(json.dump(), "application/json");
-}
-
-void refuse(httplib::Response& response, int status, const std::string& why) {
-  response.status = status;
-  answer_json(response, {{"error", why}});
-}
-
-std::unique_ptr<httplib::Server> make_server(const WindowOptions& o, bool encrypted) {
-  if (!encrypted) return std::make_unique<httplib::Server>();
-  return std::make_unique<httplib::SSLServer>([&](SSL_CTX& context) {
-    SSL_CTX_set_min_proto_version(&context, TLS1_2_VERSION);
-    if (o.tls.certificate.empty()) {
-      const OwnCertificate own;
-      own.use(&context);
-      return true;
-    }
-    return SSL_CTX_use_certificate_chain_file(&context, o.tls.certificate.c_str()) == 1 &&
-           SSL_CTX_use_PrivateKey_file(&context, o.tls.key.c_str(), SSL_FILETYPE_PEM) == 1;
-  });
-}
-
 }  // namespace
 
 struct Window::Server {
   Server(const WindowOptions& o, std::function<void()> cancel_job)
       : options(o),
-        encrypted(o.tls.mode == TlsMode::on || (o.tls.mode == TlsMode::automatic && !o.listen.is_loopback())),
+        encrypted(encrypts(o.tls, o.listen)),
         hub(o.scene),
-        http(make_server(o, encrypted)),
+        http(make_http_server(o.tls, encrypted, kThreads, "--web")),
         cancel(std::move(cancel_job)) {}
 
   // Who may ask at all. Without a token only names of the loopback are answered to: a page elsewhere that has its own
@@ -75,7 +37,7 @@ struct Window::Server {
       return false;
     }
     const std::string given = request.get_header_value("Authorization");
-    if (same(given, "Bearer " + options.token)) return true;
+    if (same_secret(given, "Bearer " + options.token)) return true;
     response.set_header("WWW-Authenticate", "Bearer");
     refuse(response, 401, "the cluster's token is needed");
     return false;
@@ -83,15 +45,7 @@ struct Window::Server {
 
   void route() {
     using httplib::Request, httplib::Response;
-    http->new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
     http->set_payload_max_length(kLargestRequest);
-    http->set_socket_options([](socket_t socket) {  // the library's own would share the port with another process
-      const int yes = 1;
-      setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-    });
-    http->set_default_headers({{"Cache-Control", "no-store"},
-                               {"X-Content-Type-Options", "nosniff"},
-                               {"Content-Security-Policy", "default-src 'self' 'unsafe-inline' data:; frame-ancestors 'none'"}});
     http->set_pre_routing_handler([this](const Request& request, Response& response) {
       return admits(request, response) ? httplib::Server::HandlerResponse::Unhandled
                                        : httplib::Server::HandlerResponse::Handled;
@@ -151,14 +105,8 @@ Window::Window(const WindowOptions& o, std::function<void()> cancel) {
                      ": anybody could look; it needs a token (CLOUDRENDERER_TOKEN) or an address of the loopback");
   server_ = std::make_unique<Server>(o, std::move(cancel));
   Server& s = *server_;
-  if (!s.http->is_valid()) throw UsageError("--web: the certificate " + o.tls.certificate + " and its key cannot be used");
   s.route();
-  const std::string host = o.listen.host.empty() ? "0.0.0.0" : o.listen.host;
-  if (o.listen.port == 0)
-    s.port = s.http->bind_to_any_port(host);
-  else
-    s.port = s.http->bind_to_port(host, o.listen.port) ? o.listen.port : -1;
-  if (s.port <= 0) throw UsageError("--web " + o.listen.to_string() + ": cannot listen there");
+  s.port = bind_http(*s.http, o.listen, "--web");
   s.thread = std::thread([&s] { s.http->listen_after_bind(); });
 }
 

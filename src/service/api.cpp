@@ -1,0 +1,289 @@
+#include "service/api.h"
+
+#include <httplib.h>
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <thread>
+
+#include "base/log.h"
+#include "film/film.h"
+#include "service/upload_request.h"
+#include "web/http_server.h"
+
+namespace cloudrenderer {
+namespace {
+
+namespace fs = std::filesystem;
+using httplib::ContentReader, httplib::Request, httplib::Response;
+
+constexpr std::size_t kThreads = 32, kLongestPath = 1024;
+constexpr std::size_t kLargestBody = std::size_t{32} << 20;  // of JSON: a manifest of 100,000 files
+constexpr std::size_t kDrained = 1'000'000;  // of a body that nobody wants
+constexpr std::time_t kPatience = 30;
+
+// One request on its way to its answer.
+struct Call {
+  Service& service;
+  Caller caller;
+  std::vector<std::string> names;  // what stands for the {..} of the route
+  const Request& request;
+  Response& response;
+  const ContentReader* content;  // null: there is none
+};
+
+std::uint64_t number_of(const std::string& text) {
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) throw ApiError(404, "there is nothing here");
+  return value;
+}
+
+void answer(const Call& call, const Json& json, int status = 200) {
+  call.response.status = status;
+  answer_json(call.response, json);
+}
+
+// The body as JSON. What is longer than may be is thrown away while it comes.
+Json body_of(const Call& call) {
+  std::string text;
+  bool long_body = false;
+  if (call.content && !(*call.content)([&](const char* data, std::size_t n) {
+        long_body = long_body || text.size() + n > kLargestBody;
+        if (!long_body) text.append(data, n);
+        return true;
+      }))
+    throw ApiError(400, "the body did not come as it was announced");
+  if (long_body) throw ApiError(413, fmt::format("the body is larger than {} bytes", kLargestBody));
+  return parse_json(text);
+}
+
+// A request without a body that may have one all the same.
+Json optional_body(const Call& call) {
+  if (!call.content || call.request.get_header_value("Content-Length") == "0") return Json::object();
+  return body_of(call);
+}
+
+void send_file(const Call& call, const std::string& path, const char* type) {
+  const auto file = std::make_shared<std::ifstream>(path, std::ios::binary);
+  std::error_code gone;
+  const std::uintmax_t bytes = fs::file_size(path, gone);
+  if (gone || !*file) throw ApiError(404, "there is no such file any more");
+  call.response.set_content_provider(bytes, type, [file](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+    std::string buffer(std::min<std::size_t>(length, 1 << 16), '\0');
+    file->clear();
+    file->seekg(static_cast<std::streamoff>(offset));
+    file->read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    return file->gcount() > 0 && sink.write(buffer.data(), static_cast<std::size_t>(file->gcount()));
+  });
+}
+
+void send_picture(const Call& call, const char* name) {
+  send_file(call, call.service.frame_file(call.caller, number_of(call.names[0]), number_of(call.names[1]), name), "image/x-exr");
+}
+
+// Made of the .exr for those who want it.
+void send_png(const Call& call) {
+  const std::string exr = call.service.frame_file(call.caller, number_of(call.names[0]), number_of(call.names[1]), "picture.exr");
+  const std::string png = fs::path(exr).replace_extension(".png").string();
+  if (!fs::exists(png)) {
+    const Image image = read_image(exr);
+    write_image(png, image, {image.width, image.height, 0, 0, image.width, image.height});
+  }
+  send_file(call, png, "image/png");
+}
+
+// How far a frame is, from the window of its manager, which only we can reach.
+void send_progress(const Call& call) {
+  const std::string url = call.service.frame_window(call.caller, number_of(call.names[0]), number_of(call.names[1]));
+  const std::size_t host = url.find("//");
+  httplib::Client client(url.substr(0, url.find('/', host + 2)));
+  client.set_read_timeout(5);
+  client.enable_server_certificate_verification(false);  // it is our child, on the loopback
+  if (!call.service.token().empty()) client.set_bearer_token_auth(call.service.token().c_str());
+  const auto got = client.Get("/api/jobs/1");
+  if (!got || got->status != 200) throw ApiError(404, "the frame does not run yet, or no more");
+  answer(call, Json::parse(got->body));
+}
+
+void send_frame(const Call& call) {
+  const Json job = call.service.job(call.caller, number_of(call.names[0]));
+  const std::uint64_t frame = number_of(call.names[1]);
+  if (frame >= job.at("frames").size()) throw ApiError(404, fmt::format("the job has no frame {}", frame));
+  answer(call, job.at("frames")[frame]);
+}
+
+struct Route {
+  const char* method;
+  const char* path;
+  void (*handle)(const Call&);
+};
+
+const std::vector<Route>& table() {
+  static const std::vector<Route> kRoutes{
+      {"GET", "/v1/openapi.json", [](const Call& c) { c.response.set_content(kOpenApi.data(), kOpenApi.size(), "application/json"); }},
+      {"GET", "/v1/blobs/{sha256}", [](const Call& c) { send_blob_state(c.service, c.caller, c.names[0], c.response); }},
+      {"PUT", "/v1/blobs/{sha256}", [](const Call& c) { take_blob(c.service, c.caller, c.names[0], c.request, c.response, c.content); }},
+      {"GET", "/v1/scenes", [](const Call& c) { answer(c, c.service.scenes(c.caller)); }},
+      {"POST", "/v1/scenes", [](const Call& c) { answer(c, c.service.add_scene(c.caller, body_of(c)), 201); }},
+      {"GET", "/v1/scenes/{scene}", [](const Call& c) { answer(c, c.service.scene(c.caller, c.names[0])); }},
+      {"GET", "/v1/jobs", [](const Call& c) { answer(c, c.service.jobs(c.caller)); }},
+      {"POST", "/v1/jobs", [](const Call& c) { answer(c, c.service.submit(c.caller, body_of(c)), 201); }},
+      {"GET", "/v1/jobs/{job}", [](const Call& c) { answer(c, c.service.job(c.caller, number_of(c.names[0]))); }},
+      {"POST", "/v1/jobs/{job}/cancel", [](const Call& c) { optional_body(c); answer(c, c.service.cancel(c.caller, number_of(c.names[0]))); }},
+      {"POST", "/v1/jobs/{job}/resume", [](const Call& c) { answer(c, c.service.resume(c.caller, number_of(c.names[0]), optional_body(c))); }},
+      {"GET", "/v1/jobs/{job}/events", [](const Call& c) { answer(c, c.service.events(c.caller, number_of(c.names[0]))); }},
+      {"GET", "/v1/jobs/{job}/frames/{frame}", send_frame},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/log",
+       [](const Call& c) {
+         c.response.set_content(c.service.frame_log(c.caller, number_of(c.names[0]), number_of(c.names[1])), "text/plain; charset=utf-8");
+       }},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/progress", send_progress},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/report",
+       [](const Call& c) {
+         send_file(c, c.service.frame_file(c.caller, number_of(c.names[0]), number_of(c.names[1]), "report.json"), "application/json");
+       }},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/picture.exr", [](const Call& c) { send_picture(c, "picture.exr"); }},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/picture.png", send_png},
+      {"GET", "/v1/hosts", [](const Call& c) { answer(c, c.service.hosts()); }},
+      {"GET", "/v1/usage", [](const Call& c) { answer(c, c.service.usage(c.caller)); }},
+      {"GET", "/v1/metrics",
+       [](const Call& c) { c.response.set_content(c.service.metrics(c.caller), "text/plain; version=0.0.4; charset=utf-8"); }},
+  };
+  return kRoutes;
+}
+
+// What stands for the {..} of the route, or nothing: it is another path.
+std::optional<std::vector<std::string>> match(std::string_view route, std::string_view path) {
+  std::vector<std::string> names;
+  while (true) {
+    const std::size_t r = std::min(route.find('/'), route.size()), p = std::min(path.find('/'), path.size());
+    if (route.starts_with('{')) {
+      if (p == 0) return std::nullopt;
+      names.emplace_back(path.substr(0, p));
+    } else if (route.substr(0, r) != path.substr(0, p)) {
+      return std::nullopt;
+    }
+    if ((r == route.size()) != (p == path.size())) return std::nullopt;
+    if (r == route.size()) return names;
+    route.remove_prefix(r + 1);
+    path.remove_prefix(p + 1);
+  }
+}
+
+}  // namespace
+
+struct Api::Server {
+  Server(Service& s, const Address& address, const TlsOptions& tls)
+      : service(s), listen(address), encrypted(encrypts(tls, address)), http(make_http_server(tls, encrypted, kThreads, "--api")) {
+    http->set_read_timeout(kPatience);
+    http->set_write_timeout(kPatience);
+    http->set_keep_alive_max_count(10'000);
+    http->set_payload_max_length(std::size_t{1} << 41);  // handlers read what they take
+    http->set_pre_routing_handler([this](const Request& request, Response& response) {
+      const bool may_have_body = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" || request.method == "DELETE";
+      if (may_have_body && request.path.size() <= kLongestPath) return httplib::Server::HandlerResponse::Unhandled;
+      dispatch(request, response, nullptr);
+      return httplib::Server::HandlerResponse::Handled;
+    });
+    // Paths are matched by our own table: the library's regular expressions only pass all on.
+    const auto pass = [this](const Request& request, Response& response, const ContentReader& content) {
+      dispatch(request, response, &content);
+    };
+    http->Post("[^]*", pass);
+    http->Put("[^]*", pass);
+    http->Patch("[^]*", pass);
+    http->Delete("[^]*", pass);
+    http->set_exception_handler([](const Request&, Response& response, std::exception_ptr) { refuse(response, 500, "the service has failed"); });
+    http->set_error_handler([](const Request&, Response& response) {
+      if (response.body.empty()) refuse(response, response.status, "the request cannot be taken");
+    });
+    port = bind_http(*http, listen, "--api");
+    thread = std::thread([this] { http->listen_after_bind(); });
+  }
+  ~Server() {
+    http->stop();
+    thread.join();
+  }
+
+  void dispatch(const Request& request, Response& response, const ContentReader* content) {
+    // Without a length there is no body: the library would wait for the connection's end.
+    if (!request.has_header("Content-Length") && request.get_header_value("Transfer-Encoding").find("chunked") == std::string::npos) content = nullptr;
+    bool read = false;  // the body, or there is none
+    const ContentReader counted([&](httplib::ContentReceiver receiver) { return read = true, (*content)(std::move(receiver)); }, {});
+    try {
+      if (request.path.size() > kLongestPath) throw ApiError(414, "the path is too long");
+      if (request.is_multipart_form_data()) throw ApiError(415, "forms are not taken: send JSON, or the bytes of a file");
+      handle(request, response, content ? &counted : nullptr);
+    } catch (const ApiError& e) {
+      Json json = {{"error", e.what()}};
+      for (const auto& [key, value] : e.more.items()) json[key] = value;
+      response.status = e.status;
+      answer_json(response, json);
+    } catch (const std::exception& e) {
+      spdlog::error("{} {}: {}", request.method, request.path, e.what());
+      refuse(response, 500, "the service has failed");
+    }
+    // What is left of the body would be taken for the next request. A short one is read, so that who sends it gets to
+    // see the answer.
+    const int status = response.status;
+    std::size_t drained = 0;
+    const auto drain = [&](const char*, std::size_t n) { return (drained += n) <= kDrained; };
+    const bool is_short = request.get_header_value("Content-Length").size() <= 6 && !request.is_multipart_form_data();
+    if (content && !read && !(is_short && (*content)(drain))) response.set_header("Connection", "close");
+    response.status = status;
+  }
+
+  void handle(const Request& request, Response& response, const ContentReader* content) {
+    const std::string method = request.method == "HEAD" ? "GET" : request.method;
+    std::string allowed;
+    for (const Route& route : table()) {
+      auto names = match(route.path, request.path);
+      if (!names) continue;
+      allowed += (allowed.empty() ? "" : ", ") + std::string(route.method);
+      if (route.method != method) continue;
+      Caller caller;
+      if (route.path != std::string_view("/v1/openapi.json")) caller = authenticate(request, response);
+      return route.handle({service, caller, std::move(*names), request, response, content});
+    }
+    authenticate(request, response);
+    if (allowed.empty()) throw ApiError(404, "there is nothing here");
+    response.set_header("Allow", allowed);
+    throw ApiError(405, request.method.substr(0, 20) + " is not for this; there is " + allowed);
+  }
+
+  Caller authenticate(const Request& request, Response& response) const {
+    const std::string given = request.get_header_value("Authorization"), scheme = "Bearer ";
+    if (given.starts_with(scheme))
+      if (auto caller = service.users().find(given.substr(scheme.size()))) return *caller;
+    response.set_header("WWW-Authenticate", "Bearer");
+    throw ApiError(401, "a user's token is needed: Authorization: Bearer TOKEN");
+  }
+
+  Service& service;
+  const Address listen;
+  const bool encrypted;
+  std::unique_ptr<httplib::Server> http;
+  int port = 0;
+  std::thread thread;
+};
+
+Api::Api(Service& service, const Address& listen, const TlsOptions& tls) : server_(std::make_unique<Server>(service, listen, tls)) {}
+Api::~Api() = default;
+
+std::string Api::url() const {
+  const std::string host = server_->listen.host.empty() ? "localhost" : server_->listen.host;
+  return (server_->encrypted ? "https://" : "http://") + Address{host, static_cast<std::uint16_t>(server_->port)}.to_string();
+}
+
+std::vector<std::string> Api::routes() {
+  std::vector<std::string> out;
+  for (const Route& route : table()) out.push_back(std::string(route.method) + " " + route.path);
+  return out;
+}
+
+}  // namespace cloudrenderer

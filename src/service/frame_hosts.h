@@ -1,0 +1,40 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "net/address.h"
+#include "service/job.h"
+
+namespace cloudrenderer {
+
+// A frame that hosts are to work for.
+struct FrameOrder {
+  FrameRef frame;
+  Address manager;
+  double weight = 1;  // of the processors
+  double memory = 1;  // part of a host's
+  std::uint64_t least_memory = 0;  // bytes, without which a host is of no use to it
+};
+
+struct ServiceHost {
+  std::string name, kind;
+  std::uint32_t threads = 0;
+  std::uint64_t memory = 0, memory_used = 0;
+  double cpu_s = 0;   // since it came
+  double host_s = 0;  // of it, for what has been ordered
+  bool here = true;
+  std::map<FrameRef, Usage> used;  // by frame, since it came; without rays and cost
+};
+
+// The hosts that work for the service, as it needs them: behind it stands a pool of workers, or a test's script. Used by
+// the service's thread only.
+class FrameHosts {
+ public:
+  virtual ~FrameHosts() = default;
+  virtual void order(const std::vector<FrameOrder>& orders) = 0;   // all that there are
+  virtual std::map<std::uint64_t, ServiceHost> hosts() const = 0;  // those that have left lately, too
+};
+
+}  // namespace cloudrenderer

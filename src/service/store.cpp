@@ -1,0 +1,193 @@
+#include "service/store.h"
+
+#include <sqlite3.h>
+
+#include "base/error.h"
+#include "service/job_json.h"
+
+namespace cloudrenderer {
+namespace {
+
+constexpr int kVersion = 1;
+constexpr int kPatienceMs = 5000;
+constexpr const char* kTables = R"(
+  CREATE TABLE IF NOT EXISTS jobs (id INTEGER PRIMARY KEY, user TEXT NOT NULL, state TEXT NOT NULL, data TEXT NOT NULL);
+  CREATE TABLE IF NOT EXISTS blobs (user TEXT NOT NULL, sha256 TEXT NOT NULL, bytes INTEGER NOT NULL, PRIMARY KEY (user, sha256));
+  CREATE TABLE IF NOT EXISTS scenes (id TEXT NOT NULL, user TEXT NOT NULL, manifest TEXT NOT NULL, bytes INTEGER NOT NULL,
+                                     made REAL NOT NULL, PRIMARY KEY (user, id));
+  CREATE TABLE IF NOT EXISTS events (time REAL NOT NULL, job INTEGER NOT NULL, text TEXT NOT NULL);
+  CREATE TABLE IF NOT EXISTS meters (host INTEGER NOT NULL, job INTEGER NOT NULL, frame INTEGER NOT NULL, cpu_s REAL, memory_byte_s REAL,
+                                     bytes REAL, host_s REAL, seen REAL NOT NULL, PRIMARY KEY (host, job, frame));
+  CREATE INDEX IF NOT EXISTS events_of_job ON events (job);
+)";
+
+}  // namespace
+
+class Store::Statement {
+ public:
+  Statement(sqlite3* db, const char* sql) : db_(db) {
+    if (sqlite3_prepare_v2(db, sql, -1, &statement_, nullptr) != SQLITE_OK) fail();
+  }
+  ~Statement() { sqlite3_finalize(statement_); }
+  Statement(const Statement&) = delete;
+  Statement& operator=(const Statement&) = delete;
+
+  Statement& bind(const std::string& text) {
+    sqlite3_bind_text(statement_, ++bound_, text.data(), static_cast<int>(text.size()), SQLITE_TRANSIENT);
+    return *this;
+  }
+  Statement& bind(std::uint64_t number) {
+    sqlite3_bind_int64(statement_, ++bound_, static_cast<sqlite3_int64>(number));
+    return *this;
+  }
+  Statement& bind(double number) {
+    sqlite3_bind_double(statement_, ++bound_, number);
+    return *this;
+  }
+  bool row() {
+    const int result = sqlite3_step(statement_);
+    if (result != SQLITE_ROW && result != SQLITE_DONE) fail();
+    return result == SQLITE_ROW;
+  }
+  void again() {
+    sqlite3_reset(statement_);
+    bound_ = 0;
+  }
+  std::string text(int column) const {
+    const auto* bytes = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+    return {bytes ? bytes : "", static_cast<std::size_t>(sqlite3_column_bytes(statement_, column))};
+  }
+  std::uint64_t number(int column) const { return static_cast<std::uint64_t>(sqlite3_column_int64(statement_, column)); }
+  double real(int column) const { return sqlite3_column_double(statement_, column); }
+
+ private:
+  [[noreturn]] void fail() const { throw std::runtime_error(std::string("the service's store: ") + sqlite3_errmsg(db_)); }
+  sqlite3* db_;
+  sqlite3_stmt* statement_ = nullptr;
+  int bound_ = 0;
+};
+
+Store::Store(const std::string& path) {
+  if (sqlite3_open(path.c_str(), &db_) != SQLITE_OK) {
+    const std::string why = sqlite3_errmsg(db_);
+    sqlite3_close(db_);
+    throw UsageError("cannot open the service's store " + path + ": " + why);
+  }
+  sqlite3_busy_timeout(db_, kPatienceMs);
+  try {
+    run("PRAGMA journal_mode = WAL; PRAGMA synchronous = NORMAL;");
+    std::uint64_t version = 0;
+    {
+      Statement s(db_, "PRAGMA user_version");
+      s.row();
+      version = s.number(0);
+    }
+    if (version > kVersion) throw std::runtime_error("it is of version " + std::to_string(version) + ", this program knows 1");
+    run(kTables);
+    run("PRAGMA user_version = " + std::to_string(kVersion));
+  } catch (const std::exception& e) {
+    sqlite3_close(db_);
+    throw UsageError(path + ": " + e.what());
+  }
+}
+
+Store::~Store() { sqlite3_close(db_); }
+
+void Store::run(const std::string& sql) {
+  char* message = nullptr;
+  if (sqlite3_exec(db_, sql.c_str(), nullptr, nullptr, &message) == SQLITE_OK) return;
+  const std::string why = message ? message : "";
+  sqlite3_free(message);
+  throw std::runtime_error("the service's store: " + why);
+}
+
+void Store::save(const std::vector<const Job*>& jobs, const Meters& meters, double now) {
+  if (jobs.empty() && meters.empty()) return;
+  run("BEGIN IMMEDIATE");
+  try {
+    Statement s(db_, "INSERT OR REPLACE INTO jobs (id, user, state, data) VALUES (?, ?, ?, ?)");
+    for (const Job* job : jobs) {
+      s.bind(job->id).bind(job->request.user).bind(std::string(name(job->state))).bind(dump(to_json(*job)));
+      s.row();
+      s.again();
+    }
+    Statement m(db_, "INSERT OR REPLACE INTO meters VALUES (?, ?, ?, ?, ?, ?, ?, ?)");
+    for (const auto& [key, u] : meters) {
+      m.bind(key.first).bind(key.second.job).bind(std::uint64_t{key.second.frame});
+      m.bind(u.cpu_s).bind(u.memory_byte_s).bind(u.bytes).bind(u.host_s).bind(now);
+      m.row();
+      m.again();
+    }
+  } catch (...) {
+    run("ROLLBACK");
+    throw;
+  }
+  run("COMMIT");
+}
+
+std::vector<Job> Store::jobs() {
+  std::vector<Job> out;
+  for (Statement s(db_, "SELECT data FROM jobs ORDER BY id"); s.row();) out.push_back(job_from_json(Json::parse(s.text(0))));
+  return out;
+}
+
+Store::Meters Store::meters() {
+  Meters out;
+  for (Statement s(db_, "SELECT host, job, frame, cpu_s, memory_byte_s, bytes, host_s FROM meters"); s.row();)
+    out[{s.number(0), {s.number(1), static_cast<std::uint32_t>(s.number(2))}}] = {s.real(3), s.real(4), s.real(5), 0, s.real(6), 0};
+  return out;
+}
+
+void Store::forget_meters(double before) { Statement(db_, "DELETE FROM meters WHERE seen < ?").bind(before).row(); }
+
+void Store::add_blob(const std::string& user, const std::string& sha256, std::uint64_t bytes) {
+  Statement(db_, "INSERT OR IGNORE INTO blobs (user, sha256, bytes) VALUES (?, ?, ?)").bind(user).bind(sha256).bind(bytes).row();
+}
+
+std::optional<std::uint64_t> Store::blob(const std::string& user, const std::string& sha256) {
+  Statement s(db_, "SELECT bytes FROM blobs WHERE user = ? AND sha256 = ?");
+  if (!s.bind(user).bind(sha256).row()) return std::nullopt;
+  return s.number(0);
+}
+
+std::uint64_t Store::bytes_of(const std::string& user) {
+  Statement s(db_, "SELECT total(bytes) FROM blobs WHERE user = ?");
+  s.bind(user).row();
+  return static_cast<std::uint64_t>(s.real(0));
+}
+
+void Store::add_scene(const SceneRecord& scene, double now) {
+  Statement(db_, "INSERT OR IGNORE INTO scenes (id, user, manifest, bytes, made) VALUES (?, ?, ?, ?, ?)")
+      .bind(scene.id)
+      .bind(scene.user)
+      .bind(scene.manifest)
+      .bind(scene.bytes)
+      .bind(now)
+      .row();
+}
+
+std::optional<SceneRecord> Store::scene(const std::string& user, const std::string& id) {
+  Statement s(db_, "SELECT manifest, bytes FROM scenes WHERE user = ? AND id = ?");
+  if (!s.bind(user).bind(id).row()) return std::nullopt;
+  return SceneRecord{id, user, s.text(0), s.number(1)};
+}
+
+std::vector<SceneRecord> Store::scenes(const std::string& user) {
+  std::vector<SceneRecord> out;
+  Statement s(db_, "SELECT id, manifest, bytes FROM scenes WHERE user = ? ORDER BY made DESC LIMIT 1000");
+  for (s.bind(user); s.row();) out.push_back({s.text(0), user, s.text(1), s.number(2)});
+  return out;
+}
+
+void Store::add_event(double now, std::uint64_t job, const std::string& text) {
+  Statement(db_, "INSERT INTO events (time, job, text) VALUES (?, ?, ?)").bind(now).bind(job).bind(text).row();
+}
+
+std::vector<Store::Event> Store::events(std::uint64_t job) {
+  std::vector<Event> out;
+  Statement s(db_, "SELECT time, text FROM (SELECT rowid AS n, time, text FROM events WHERE job = ? ORDER BY n DESC LIMIT 1000) ORDER BY n");
+  for (s.bind(job); s.row();) out.push_back({s.real(0), s.text(1)});
+  return out;
+}
+
+}  // namespace cloudrenderer

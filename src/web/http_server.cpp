@@ -1,0 +1,70 @@
+#include "web/http_server.h"
+
+#include <openssl/crypto.h>
+#include <openssl/ssl.h>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "net/own_certificate.h"
+
+namespace cloudrenderer {
+
+bool encrypts(const TlsOptions& tls, const Address& listen) {
+  return tls.mode == TlsMode::on || (tls.mode == TlsMode::automatic && !listen.is_loopback());
+}
+
+std::unique_ptr<httplib::Server> make_http_server(const TlsOptions& tls, bool encrypted, std::size_t threads, const std::string& option) {
+  std::unique_ptr<httplib::Server> http;
+  if (!encrypted)
+    http = std::make_unique<httplib::Server>();
+  else
+    http = std::make_unique<httplib::SSLServer>([&](SSL_CTX& context) {
+      SSL_CTX_set_min_proto_version(&context, TLS1_2_VERSION);
+      if (tls.certificate.empty()) {
+        const OwnCertificate own;
+        own.use(&context);
+        return true;
+      }
+      return SSL_CTX_use_certificate_chain_file(&context, tls.certificate.c_str()) == 1 &&
+             SSL_CTX_use_PrivateKey_file(&context, tls.key.c_str(), SSL_FILETYPE_PEM) == 1;
+    });
+  if (!http->is_valid()) throw UsageError(option + ": the certificate " + tls.certificate + " and its key cannot be used");
+  http->new_task_queue = [threads] { return new httplib::ThreadPool(threads); };
+  http->set_socket_options([](socket_t socket) {  // the library's own would share the port with another process
+    const int yes = 1;
+    setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+  });
+  http->set_default_headers({{"Cache-Control", "no-store"},
+                             {"X-Content-Type-Options", "nosniff"},
+                             {"Content-Security-Policy", "default-src 'self' 'unsafe-inline' data:; frame-ancestors 'none'"}});
+  return http;
+}
+
+int bind_http(httplib::Server& server, const Address& listen, const std::string& option) {
+  const std::string host = listen.host.empty() ? "0.0.0.0" : listen.host;
+  const int port = listen.port == 0 ? server.bind_to_any_port(host) : server.bind_to_port(host, listen.port) ? listen.port : -1;
+  if (port <= 0) throw UsageError(option + " " + listen.to_string() + ": cannot listen there");
+  return port;
+}
+
+void answer_json(httplib::Response& response, const nlohmann::ordered_json& json) {
+  response.set_content(json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace), "application/json");
+}
+
+void refuse(httplib::Response& response, int status, const std::string& why) {
+  response.status = status;
+  answer_json(response, {{"error", why}});
+}
+
+bool same_secret(const std::string& a, const std::string& b) {
+  return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
+}
+
+std::string host_of(const std::string& header) {
+  const std::size_t bracket = header.find(']');
+  if (!header.empty() && header.front() == '[') return header.substr(1, bracket == std::string::npos ? bracket : bracket - 1);
+  return header.substr(0, header.find(':'));
+}
+
+}  // namespace cloudrenderer

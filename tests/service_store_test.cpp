@@ -1,0 +1,161 @@
+// What outlives the service, and the JSON that it is kept as.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "cluster/temp_folder.h"
+#include "service/job_json.h"
+#include "service/prices.h"
+#include "service/sha256.h"
+#include "service/store.h"
+#include "service/users.h"
+
+namespace cloudrenderer {
+namespace {
+
+Job some_job(std::uint64_t id) {
+  Job job;
+  job.id = id;
+  job.request = read_request(parse_json(R"({"scene": "s", "files": ["a.pbrt", "b/c.pbrt"], "name": "n\u00e4me", "priority": -3, "retries": 5,
+    "timeout_s": 7.5, "budget": 2, "on_budget": "ask", "options": {"spp": 16, "max_depth": 0, "seed": 4294967295, "resolution": [640, 480],
+    "crop": [0, 0.5, 0.25, 1], "max_error": 0.01, "integrator": "path", "dialect": "v3", "part_size": 1048576}})"), "ann");
+  job.state = JobState::running;
+  job.reason = "why";
+  job.submitted = 1.5;
+  job.started = 2.25;
+  for (const std::string& file : job.request.files) {
+    job.frames.emplace_back();
+    job.frames.back().file = file;
+  }
+  job.frames[1].state = FrameState::failed;
+  job.frames[1].needs = FrameNeeds{1, 2, 3, 4, 5};
+  job.frames[1].usage = {1, 2, 3, 4, 5, 6};
+  return job;
+}
+
+TEST(ServiceStore, KeepsJobsAsTheyAre) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/db";
+  Job changed = some_job(7);
+  const Store::Meters meters{{{42, {7, 1}}, {1, 2, 3, 0, 5, 0}}};
+  {
+    Store store(path);
+    const Job first = some_job(7), second = some_job(9);
+    store.save({&first, &second}, {}, 10);
+    changed.state = JobState::done;
+    store.save({&changed}, meters, 11);
+  }
+  Store store(path);
+  const std::vector<Job> jobs = store.jobs();
+  ASSERT_EQ(jobs.size(), 2u);
+  EXPECT_EQ(dump(to_json(jobs[0])), dump(to_json(changed)));
+  EXPECT_EQ(dump(to_json(jobs[1])), dump(to_json(some_job(9))));
+  EXPECT_EQ(jobs[0].request.settings, changed.request.settings);
+  ASSERT_EQ(store.meters().size(), 1u);
+  EXPECT_EQ(store.meters().begin()->second.host_s, 5);
+  store.forget_meters(12);
+  EXPECT_TRUE(store.meters().empty());
+}
+
+TEST(ServiceStore, KnowsWhatEachUserHas) {
+  const TemporaryFolder folder;
+  Store store(folder.path() + "/db");
+  store.add_blob("ann", "x", 10);
+  store.add_blob("ann", "x", 10);
+  store.add_blob("ann", "y", 5);
+  EXPECT_EQ(store.blob("ann", "x"), 10u);
+  EXPECT_FALSE(store.blob("bob", "x"));
+  EXPECT_EQ(store.bytes_of("ann"), 15u);
+  EXPECT_EQ(store.bytes_of("bob"), 0u);
+  store.add_scene({"s", "ann", "{}", 3}, 1);
+  EXPECT_TRUE(store.scene("ann", "s"));
+  EXPECT_FALSE(store.scene("bob", "s"));
+  store.add_event(1, 5, "one");
+  store.add_event(2, 6, "other");
+  store.add_event(3, 5, "two");
+  ASSERT_EQ(store.events(5).size(), 2u);
+  EXPECT_EQ(store.events(5)[1].text, "two");
+}
+
+TEST(ServiceStore, RefusesWhatIsNoStore) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.path() + "/db") << "this is not a data base, and long enough to be seen not to be one................................";
+  EXPECT_THROW(Store(folder.path() + "/db"), UsageError);
+}
+
+TEST(ServiceJson, RequestsThatCannotBeAreRefused) {
+  const auto refused = [](const std::string& text) {
+    try {
+      read_request(parse_json(text), "ann");
+    } catch (const ApiError& e) {
+      return e.status * 1000 + (e.what()[0] != '\0');
+    }
+    return 0;
+  };
+  EXPECT_EQ(refused(R"({"scene": "s", "files": ["a"]})"), 0);
+  EXPECT_EQ(refused(""), 400001);
+  EXPECT_EQ(refused("{\"scene\": \"\xff\"}"), 400001);
+  EXPECT_EQ(refused(std::string(20, '[') + std::string(20, ']')), 400001);
+  EXPECT_EQ(refused(std::string(100000, '[')), 400001);
+  EXPECT_EQ(refused(R"({"scene": 1e999, "files": ["a"]})"), 400001);
+  for (const char* text : {"[]", "null", "3", R"({"files": ["a"]})", R"({"scene": "s", "files": []})", R"({"scene": "s", "files": [1]})",
+                           R"({"scene": "s", "files": "a"})", R"({"scene": "s", "files": ["a"], "else": 1})",
+                           R"({"scene": "s", "files": ["a"], "priority": 11})", R"({"scene": "s", "files": ["a"], "priority": 1.5})",
+                           R"({"scene": "s", "files": ["a"], "priority": 18446744073709551615})", R"({"scene": "s", "files": ["a"], "retries": -1})",
+                           R"({"scene": "s", "files": ["a"], "timeout_s": 0})", R"({"scene": "s", "files": ["a"], "name": "a\nb"})",
+                           R"({"scene": "s", "files": ["a"], "options": {"spp": 0}})", R"({"scene": "s", "files": ["a"], "options": {"spp": "4"}})",
+                           R"({"scene": "s", "files": ["a"], "options": {"resolution": [0, 5]}})",
+                           R"({"scene": "s", "files": ["a"], "options": {"resolution": [5]}})",
+                           R"({"scene": "s", "files": ["a"], "options": {"crop": [0.5, 0.5, 0, 1]}})",
+                           R"({"scene": "s", "files": ["a"], "options": {"crop": [0, 1, 0, "1"]}})",
+                           R"({"scene": "s", "files": ["a"], "options": {"integrator": "--checkpoint"}})",
+                           R"({"scene": "s", "files": ["a"], "options": {"dialect": "v5"}})", R"({"scene": "s", "files": ["a"], "options": 3})"})
+    EXPECT_EQ(refused(text), 422001) << text;
+}
+
+TEST(ServiceUsers, AreReadAgainWhenTheirFileChanges) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/users";
+  const std::string ann = R"({"name": "ann", "token_sha256": ")" + sha256("a") + R"(", "share": 2})";
+  const std::string bob = R"({"name": "bob", "token_sha256": ")" + sha256("b") + R"(", "admin": true})";
+  const auto put = [&](const std::string& text, int minute) {
+    std::ofstream(path) << text;
+    std::filesystem::last_write_time(path, std::filesystem::file_time_type::clock::now() - std::chrono::minutes(minute));
+  };
+  put(R"({"users": [)" + ann + "]}", 9);
+  Users users = Users::from_file(path);
+  ASSERT_TRUE(users.find("a"));
+  EXPECT_EQ(users.find("a")->name, "ann");
+  EXPECT_FALSE(users.find("b"));
+  EXPECT_FALSE(users.find(""));
+  EXPECT_EQ(users.limits().at("ann").share, 2);
+  EXPECT_TRUE(users.changed_since_last_asked());
+  EXPECT_FALSE(users.changed_since_last_asked());
+  put(R"({"users": [)" + ann + ", " + bob + "]}", 8);
+  EXPECT_EQ(users.refresh(), "");
+  EXPECT_TRUE(users.find("b")->admin);
+  put("{", 7);
+  EXPECT_NE(users.refresh().find(path), std::string::npos);
+  EXPECT_TRUE(users.find("a")) << "the old ones stay";
+  for (const std::string& bad : {std::string(R"({"users": 3})"), R"({"users": [)" + ann + ", " + ann + "]}", R"({"users": [{"name": "a/b", "token_sha256": ")" + sha256("a") + "\"}]}",
+                                 std::string(R"({"users": [{"name": "ann", "token_sha256": "a"}]})"), R"({"users": [)" + ann + R"(], "more": 1})"}) {
+    put(bad, 6);
+    EXPECT_THROW(Users::from_file(path), UsageError) << bad;
+  }
+}
+
+TEST(ServicePrices, AreByKind) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/prices";
+  std::ofstream(path) << R"({"currency": "EUR", "kinds": {"small": 0.04, "big": 1}, "other": 0.1})";
+  const PriceTable prices = PriceTable::read(path);
+  EXPECT_EQ(prices.currency(), "EUR");
+  EXPECT_EQ(prices.an_hour("small"), 0.04);
+  EXPECT_EQ(prices.an_hour("unknown"), 0.1);
+  std::ofstream(path) << R"({"kinds": {"small": -1}})";
+  EXPECT_THROW(PriceTable::read(path), UsageError);
+}
+
+}  // namespace
+}  // namespace cloudrenderer
