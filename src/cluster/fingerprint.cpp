@@ -73,10 +73,14 @@ void add_rays(std::vector<float>& out) {
 }  // namespace
 
 std::uint64_t numeric_fingerprint() {
-  std::vector<float> values;
-  add_functions(values);
-  add_rays(values);
-  return XXH3_64bits(values.data(), values.size() * sizeof(float));
+  // Once a process: a host of a pool introduces itself to many managers.
+  static const std::uint64_t fingerprint = [] {
+    std::vector<float> values;
+    add_functions(values);
+    add_rays(values);
+    return XXH3_64bits(values.data(), values.size() * sizeof(float));
+  }();
+  return fingerprint;
 }
 
 }  // namespace cloudrenderer

@@ -47,7 +47,7 @@ struct PoolHost {
   double joined_s = 0;
   std::optional<double> left_s;
   bool leaving = false;  // asked to leave: it ends what it does, and takes no orders
-  double cpu_s = 0;      // of the whole process
+  double cpu_s = 0;      // of the whole process since it is in a pool
   std::map<std::string, PoolUsage> jobs;
 };
 
