@@ -6,6 +6,7 @@
 
 #include "cluster/temp_folder.h"
 #include "service/job_json.h"
+#include "service/meter.h"
 #include "service/prices.h"
 #include "service/sha256.h"
 #include "service/store.h"
@@ -155,6 +156,21 @@ TEST(ServicePrices, AreByKind) {
   EXPECT_EQ(prices.an_hour("unknown"), 0.1);
   std::ofstream(path) << R"({"kinds": {"small": -1}})";
   EXPECT_THROW(PriceTable::read(path), UsageError);
+}
+
+TEST(ServiceMeter, AHostsTimeIsSharedOutOnce) {
+  const FrameRef a{1, 0}, b{2, 0}, c{2, 1};
+  const auto shared = share_out({{a, {3, 10, 100, 0, 4, 0}}, {b, {1, 20, 200, 0, 4, 0}}, {c, {0, 30, 0, 0, 2, 0}}}, 7200);
+  EXPECT_DOUBLE_EQ(shared.at(a).host_s, 3);
+  EXPECT_DOUBLE_EQ(shared.at(b).host_s, 1);
+  EXPECT_DOUBLE_EQ(shared.at(c).host_s, 0);
+  EXPECT_DOUBLE_EQ(shared.at(a).cost, 6);
+  EXPECT_DOUBLE_EQ(shared.at(a).cpu_s, 3);
+  EXPECT_DOUBLE_EQ(shared.at(b).memory_byte_s, 20);
+  const auto idle = share_out({{a, {0, 0, 0, 0, 3, 0}}, {b, {0, 0, 0, 0, 1, 0}}}, 0);
+  EXPECT_DOUBLE_EQ(idle.at(a).host_s + idle.at(b).host_s, 3) << "time passes once";
+  EXPECT_DOUBLE_EQ(idle.at(a).host_s, 2.25);
+  EXPECT_TRUE(share_out({}, 1).empty());
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ constexpr auto kPause = std::chrono::milliseconds(200);  // before coming back
 constexpr std::size_t kMostOrders = 256;     // each has its threads
 constexpr std::size_t kRemembered = 4096;    // jobs that have ended: a new service wants to hear of them
 constexpr int kInOneStatus = 256;
-constexpr double kLooksForSilence = 8;
+constexpr auto kMeterEvery = std::chrono::milliseconds(100);
 
 // Everything on the I/O thread unless said.
 class PoolMember {
@@ -64,6 +64,7 @@ class PoolMember {
   struct Job {
     std::shared_ptr<Meter::Account> account = std::make_shared<Meter::Account>();
     double memory_byte_s = 0, host_s = 0;
+    double memory = 0;  // when it was last looked at
     double ended = 0;
     bool working = false;
     std::string told;  // the last PoolUse
@@ -169,6 +170,7 @@ class PoolMember {
   }
 
   void take_orders(const wire::PoolOrders& list) {
+    meter();
     std::map<Key, const wire::PoolJob*> wanted;
     for (const wire::PoolJob& j : list.jobs()) wanted[{j.job(), j.manager()}] = &j;
     for (auto it = orders_.begin(); it != orders_.end();) {
@@ -220,6 +222,7 @@ class PoolMember {
   // Some order's thread is through. Those whose job has ended stay in the list as long as the pool
   // names them, so that they are not begun again.
   void ended() {
+    meter();
     for (std::size_t i = leaving_orders_.size(); i-- > 0;) {
       if (leaving_orders_[i]->working()) continue;
       leaving_orders_.erase(leaving_orders_.begin() + static_cast<std::ptrdiff_t>(i));
@@ -251,26 +254,26 @@ class PoolMember {
 
   asio::awaitable<void> report() {
     asio::steady_timer pause(io_);
-    for (double last = clock_.now();;) {
-      pause.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(
-          std::chrono::duration<double>(std::min(heartbeat_s_, lost_after_s_ / kLooksForSilence))));
+    for (;;) {
+      pause.expires_after(kMeterEvery);
       co_await pause.async_wait(asio::use_awaitable);
-      const double now = clock_.now();
-      meter(now - last);
-      last = now;
+      meter();
       host_->cache->tidy();
-      if (now >= tell_at_) tell();
+      if (clock_.now() >= tell_at_) tell();
       if (link_) link_->close_if_silent(lost_after_s_);
     }
   }
 
-  void meter(double seconds) {
-    look_who_works();
+  // Whenever somebody begins or ends, and in between: memory is what it was the last time, or is now.
+  void meter() {
+    const double now = clock_.now(), seconds = now - std::exchange(metered_at_, now);
     for (auto& [name, job] : jobs_) {
       if (!job.working) continue;
+      const double memory = memory_of(name);
       job.host_s += seconds;
-      job.memory_byte_s += seconds * memory_of(name);
+      job.memory_byte_s += seconds * std::max(std::exchange(job.memory, memory), memory);
     }
+    look_who_works();
     while (jobs_.size() > kRemembered) {
       const auto oldest = std::ranges::min_element(jobs_, {}, [](const auto& j) {
         return j.second.working ? std::numeric_limits<double>::infinity() : j.second.ended;
@@ -339,7 +342,7 @@ class PoolMember {
   std::shared_ptr<PeerLink> link_;
   std::shared_ptr<Session> session_;
   std::uint64_t pool_ = 0;  // its incarnation
-  double heartbeat_s_ = 1, lost_after_s_ = 3, tell_at_ = 0;
+  double heartbeat_s_ = 1, lost_after_s_ = 3, tell_at_ = 0, metered_at_ = 0;
   std::map<std::string, Job> jobs_;
   std::map<Key, Order> orders_;
   std::vector<std::unique_ptr<OrderRun>> leaving_orders_;  // that are ordered no more

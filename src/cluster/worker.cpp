@@ -285,7 +285,7 @@ class Worker {
     c.bytes_sent = sent + peer_sent;
     c.bytes_received = received + peer_received;
     if (config_.seat) {
-      const std::lock_guard lock(sync_mutex_);
+      const std::lock_guard lock(told_mutex_);
       Meter::Account& account = config_.seat->account();
       account.bytes_sent += c.bytes_sent - std::exchange(told_sent_, c.bytes_sent);
       account.bytes_received += c.bytes_received - std::exchange(told_received_, c.bytes_received);
@@ -312,6 +312,7 @@ class Worker {
   std::unique_ptr<Peers> peers_;
   std::shared_ptr<Ticker> ticker_;
   std::mutex sync_mutex_;
+  std::mutex told_mutex_;  // not the one above: counters() is called under the node's, which is taken under that one
   std::uint64_t hosts_version_ = 0;
   std::uint64_t manager_incarnation_ = 0;
   std::optional<double> gone_since_;  // the connection to the manager

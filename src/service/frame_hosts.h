@@ -25,7 +25,9 @@ struct ServiceHost {
   double cpu_s = 0;   // since it came
   double host_s = 0;  // of it, for what has been ordered
   bool here = true;
-  std::map<FrameRef, Usage> used;  // by frame, since it came; without rays and cost
+  // By frame, since it came; without rays and cost. host_s is the time that it has worked for the frame, shared with
+  // others or not.
+  std::map<FrameRef, Usage> used;
 };
 
 // The hosts that work for the service, as it needs them: behind it stands a pool of workers, or a test's script. Used by

@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "cluster/processes.h"
+#include "service/meter.h"
 
 namespace cloudrenderer {
 namespace {
@@ -58,11 +59,13 @@ std::string tail_of(const std::string& path, std::size_t from, std::size_t most)
 
 // What a person wants to know of a process that has failed: its last line with an error, or its last line.
 std::string last_words(const std::string& log) {
+  const std::string ours = "cloudrenderer: ";
   std::string error, last;
   for (std::size_t at = 0; at < log.size();) {
     const std::size_t end = std::min(log.find('\n', at), log.size());
     const std::string line = log.substr(at, std::min<std::size_t>(end - at, 1000));
-    if (line.find("error: ") != std::string::npos || line.starts_with("cloudrenderer: ")) error = line;
+    if (line.find("error: ") != std::string::npos) error = line;
+    if (line.starts_with(ours)) error = line.substr(ours.size());
     if (!line.empty()) last = line;
     at = end + 1;
   }
@@ -338,20 +341,18 @@ void Service::frame_ended(FrameRef ref, const Child& child, int status, double n
 // What hosts say that frames have used, as far as it is new.
 void Service::meter() {
   for (const auto& [id, host] : host_view_) {
-    const double price = prices_ ? prices_->an_hour(host.kind) : 0;
+    std::map<FrameRef, Usage> news;
     for (const auto& [ref, used] : host.used) {
       Usage& counted = metered_[{id, ref}];
-      Usage news = used;
-      news.cpu_s -= counted.cpu_s;
-      news.memory_byte_s -= counted.memory_byte_s;
-      news.bytes -= counted.bytes;
-      news.host_s -= counted.host_s;
-      if (news.cpu_s <= 0 && news.host_s <= 0 && news.bytes <= 0 && news.memory_byte_s <= 0) continue;
-      news.cost = news.host_s / 3600 * price;
+      const Usage more{used.cpu_s - counted.cpu_s, used.memory_byte_s - counted.memory_byte_s, used.bytes - counted.bytes, 0,
+                       used.host_s - counted.host_s, 0};
+      if (more.cpu_s <= 0 && more.host_s <= 0 && more.bytes <= 0 && more.memory_byte_s <= 0) continue;
       counted = used;
       newly_metered_[{id, ref}] = used;
-      if (scheduler_.find(ref.job)) scheduler_.used(ref, news);
+      news[ref] = more;
     }
+    for (const auto& [ref, more] : share_out(std::move(news), prices_ ? prices_->an_hour(host.kind) : 0))
+      if (scheduler_.find(ref.job)) scheduler_.used(ref, more);
   }
 }
 
