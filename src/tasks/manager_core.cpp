@@ -20,11 +20,6 @@ constexpr double kLoadMatters = 0.1, kLoadMattersShare = 0.1;  // seconds of que
 constexpr std::size_t kFew = 64;
 constexpr double kMost = 0.9;  // of these
 
-bool has_feature(const wire::Hello& hello, const std::string& feature) {
-  const auto& all = hello.features();
-  return all.empty() || std::find(all.begin(), all.end(), feature) != all.end();
-}
-
 std::string quoted(const std::string& text) { return text.empty() ? "unknown" : '"' + text + '"'; }
 
 }  // namespace
