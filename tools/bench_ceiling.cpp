@@ -113,7 +113,7 @@ void run(const Options& o) {
   Manifest manifest;
   const double reading = seconds_of([&] { manifest = split_scene(o.scene, scratch.path, split, warnings); });
 
-  Resident resident({1, o.isa, {}});
+  Resident resident({1, o.isa, {}, {}});
   prepare_compute_thread();
   const JobSettings job = job_settings(manifest.scene, {}, warnings);
   std::vector<Part> parts, prototypes;

@@ -115,7 +115,7 @@ bool ListEngine::cast_shadow(const OcclusionRay& ray, const Fixed3& contribution
   ask.part_count = open;
   ask.contribution = contribution;
   out.asks.push_back(ask);
-  out.parked.push_back({n, ends, (flags & kEndInvalid) != 0, (flags & kEndClamped) != 0});
+  out.parked.push_back({n, ends, flags});
   return true;
 }
 

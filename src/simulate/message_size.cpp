@@ -39,7 +39,7 @@ MessageSize size_of(const wire::Message& m, double weight, double per_batch, std
       s.bytes = w * o->count / 8.0;
     }
   } else if (const auto* ends = std::get_if<wire::PathEnds>(&m)) {
-    const auto items = static_cast<double>(ends->ends.size());
+    const auto items = static_cast<double>(ends->batch.size());
     s.messages = blocks(items, 2 * full);
     s.bytes = items * w * kEndBytes;
   }

@@ -21,7 +21,9 @@ void parse(const std::string& path, Dialect dialect) {
   Sink sink;
   Warnings warnings;
   try {
-    const SceneDescription scene = parse_scene(path, {dialect}, sink, warnings);
+    ParseOptions options;
+    options.dialect = dialect;
+    const SceneDescription scene = parse_scene(path, options, sink, warnings);
     const std::string bytes = encode(scene);
     const auto again = decode_scene(std::as_bytes(std::span(bytes)));
     fuzz::require(static_cast<bool>(again), "a host takes every scene that can be read");
