@@ -48,6 +48,10 @@ TEST(ServiceStore, KeepsJobsAsTheyAre) {
     store.save({&changed}, meters, 11);
   }
   Store store(path);
+  const std::string identity = store.identity();
+  EXPECT_EQ(identity.size(), 16u);
+  EXPECT_EQ(Store(path).identity(), identity);
+  EXPECT_NE(Store(folder.path() + "/other").identity(), identity);
   const std::vector<Job> jobs = store.jobs();
   ASSERT_EQ(jobs.size(), 2u);
   EXPECT_EQ(dump(to_json(jobs[0])), dump(to_json(changed)));

@@ -8,13 +8,14 @@
 namespace cloudrenderer {
 namespace {
 
-// Frames are jobs to the pool: "17.3".
-std::string name_of(FrameRef ref) { return fmt::format("{}.{}", ref.job, ref.frame); }
+// Frames are jobs to the pool: "SERVICE.17.3".
+std::string name_of(const std::string& prefix, FrameRef ref) { return fmt::format("{}{}.{}", prefix, ref.job, ref.frame); }
 
-std::optional<FrameRef> frame_of(const std::string& name) {
+std::optional<FrameRef> frame_of(const std::string& prefix, const std::string& name) {
+  if (!name.starts_with(prefix)) return std::nullopt;
   FrameRef ref;
   const char* end = name.data() + name.size();
-  const auto job = std::from_chars(name.data(), end, ref.job);
+  const auto job = std::from_chars(name.data() + prefix.size(), end, ref.job);
   if (job.ec != std::errc{} || job.ptr == end || *job.ptr != '.') return std::nullopt;
   const auto frame = std::from_chars(job.ptr + 1, end, ref.frame);
   if (frame.ec != std::errc{} || frame.ptr != end) return std::nullopt;
@@ -30,7 +31,7 @@ void PoolHosts::order(const std::vector<FrameOrder>& orders) {
     for (const FrameOrder& o : orders) {
       if (o.least_memory > host.memory) continue;  // it could hold no part
       const double share = o.memory * static_cast<double>(host.memory);
-      own.push_back({name_of(o.frame), o.manager, o.weight, std::max(o.least_memory, static_cast<std::uint64_t>(share))});
+      own.push_back({name_of(prefix_, o.frame), o.manager, o.weight, std::max(o.least_memory, static_cast<std::uint64_t>(share))});
     }
     pool_.order(id, std::move(own));
   }
@@ -48,7 +49,7 @@ std::map<std::uint64_t, ServiceHost> PoolHosts::hosts() const {
     h.cpu_s = host.cpu_s;
     h.here = !host.left_s && !host.leaving;
     for (const auto& [name, use] : host.jobs)
-      if (const auto ref = frame_of(name)) {
+      if (const auto ref = frame_of(prefix_, name)) {
         h.used[*ref] = {use.cpu_s, use.memory_byte_s, static_cast<double>(use.bytes_sent), 0, use.host_s, 0};
         h.host_s += use.host_s;
       }

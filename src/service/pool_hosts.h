@@ -1,5 +1,5 @@
 #pragma once
-#include <memory>
+#include <string>
 
 #include "cluster/pool.h"
 #include "service/frame_hosts.h"
@@ -9,12 +9,14 @@ namespace cloudrenderer {
 // The hosts of a Pool.
 class PoolHosts : public FrameHosts {
  public:
-  explicit PoolHosts(Pool& pool) : pool_(pool) {}  // which outlives this
+  // The pool outlives this. `service` names ours among all whose jobs the hosts have worked for and speak of.
+  PoolHosts(Pool& pool, std::string service) : pool_(pool), prefix_(std::move(service) + ".") {}
   void order(const std::vector<FrameOrder>& orders) override;
   std::map<std::uint64_t, ServiceHost> hosts() const override;
 
  private:
   Pool& pool_;
+  const std::string prefix_;
 };
 
 }  // namespace cloudrenderer

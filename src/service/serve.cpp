@@ -28,7 +28,7 @@ void serve(const ServeConfig& config, Users users, std::optional<PriceTable> pri
   if (config.service.tls.mode != TlsMode::off) tls = std::make_shared<const Tls>(config.service.tls);
   Pool pool(io, clock, {config.service.token, tls, config.lost_after_s, config.service.allow_inexact, nullptr});
   // Before anybody is listened to: a second service at the same folder ends here.
-  Service service(config.service, std::move(users), std::move(prices), std::make_unique<PoolHosts>(pool));
+  Service service(config.service, std::move(users), std::move(prices), [&](const std::string& name) { return std::make_unique<PoolHosts>(pool, name); });
   const Address hosts = pool.listen(config.listen);
   Api api(service, config.api, config.service.tls);
   ready(hosts, api.url());

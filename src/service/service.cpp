@@ -76,7 +76,7 @@ std::string file_text(const std::string& path) { return tail_of(path, 0, std::si
 
 }  // namespace
 
-Service::Service(ServiceConfig config, Users users, std::optional<PriceTable> prices, std::unique_ptr<FrameHosts> hosts)
+Service::Service(ServiceConfig config, Users users, std::optional<PriceTable> prices, const MakeHosts& hosts)
     : config_(with_absolute_folder(std::move(config))),
       lock_(lock_folder(config_.folder)),
       users_(std::move(users)),
@@ -84,7 +84,7 @@ Service::Service(ServiceConfig config, Users users, std::optional<PriceTable> pr
       blobs_(config_.folder),
       store_(config_.folder + "/service.db"),
       scheduler_(config_.scheduler),
-      hosts_(std::move(hosts)) {
+      hosts_(hosts(store_.identity())) {
   for (const char* name : {"scenes", "splits", "jobs"}) fs::create_directories(config_.folder + "/" + name);
   for (Job& job : store_.jobs()) scheduler_.restore(std::move(job));
   metered_ = store_.meters();  // hosts outlive the service, and go on with their sums

@@ -37,8 +37,10 @@ struct ServiceConfig {
 // children are started (they end with it); everything else may be called by any, and throws ApiError.
 class Service {
  public:
+  // Makes the hosts for the service of this name, which no other has.
+  using MakeHosts = std::function<std::unique_ptr<FrameHosts>(const std::string& service)>;
   // Goes on with what the folder holds. Throws UsageError: another service is at it.
-  Service(ServiceConfig config, Users users, std::optional<PriceTable> prices, std::unique_ptr<FrameHosts> hosts);
+  Service(ServiceConfig config, Users users, std::optional<PriceTable> prices, const MakeHosts& hosts);
   ~Service();  // children are asked for a checkpoint
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;

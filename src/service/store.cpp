@@ -18,6 +18,7 @@ constexpr const char* kTables = R"(
   CREATE TABLE IF NOT EXISTS events (time REAL NOT NULL, job INTEGER NOT NULL, text TEXT NOT NULL);
   CREATE TABLE IF NOT EXISTS meters (host INTEGER NOT NULL, job INTEGER NOT NULL, frame INTEGER NOT NULL, cpu_s REAL, memory_byte_s REAL,
                                      bytes REAL, host_s REAL, seen REAL NOT NULL, PRIMARY KEY (host, job, frame));
+  CREATE TABLE IF NOT EXISTS identity (id TEXT NOT NULL);
   CREATE INDEX IF NOT EXISTS events_of_job ON events (job);
 )";
 
@@ -129,6 +130,13 @@ std::vector<Job> Store::jobs() {
   std::vector<Job> out;
   for (Statement s(db_, "SELECT data FROM jobs ORDER BY id"); s.row();) out.push_back(job_from_json(Json::parse(s.text(0))));
   return out;
+}
+
+std::string Store::identity() {
+  run("INSERT INTO identity SELECT lower(hex(randomblob(8))) WHERE NOT EXISTS (SELECT 1 FROM identity)");
+  Statement s(db_, "SELECT id FROM identity");
+  s.row();
+  return s.text(0);
 }
 
 Store::Meters Store::meters() {

@@ -26,6 +26,9 @@ class Store {
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
 
+  // Of this store among all, for good.
+  std::string identity();
+
   // What has been counted of a frame's use of a host.
   using Meters = std::map<std::pair<std::uint64_t, FrameRef>, Usage>;
   // All or none, so that nothing is counted twice.
