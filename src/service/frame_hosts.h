@@ -22,8 +22,7 @@ struct ServiceHost {
   std::string name, kind;
   std::uint32_t threads = 0;
   std::uint64_t memory = 0, memory_used = 0;
-  double cpu_s = 0;   // since it came
-  double host_s = 0;  // of it, for what has been ordered
+  double cpu_s = 0;  // since it came
   bool here = true;
   // By frame, since it came; without rays and cost. host_s is the time that it has worked for the frame, shared with
   // others or not.

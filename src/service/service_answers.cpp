@@ -198,7 +198,7 @@ Json Service::hosts() {
   for (const auto& [id, h] : host_view_)
     if (h.here)
       out.push_back({{"name", h.name}, {"kind", h.kind}, {"threads", h.threads}, {"memory", h.memory}, {"memory_used", h.memory_used},
-                     {"cpu_s", h.cpu_s}, {"host_s", h.host_s}});
+                     {"cpu_s", h.cpu_s}});
   return out;
 }
 
