@@ -285,7 +285,7 @@ class Worker {
     c.bytes_sent = sent + peer_sent;
     c.bytes_received = received + peer_received;
     if (config_.seat) {
-      const std::lock_guard lock(sync_mutex_);
+      const std::lock_guard lock(told_mutex_);  // called under the node's: sync_mutex_ comes before that
       Meter::Account& account = config_.seat->account();
       account.bytes_sent += c.bytes_sent - std::exchange(told_sent_, c.bytes_sent);
       account.bytes_received += c.bytes_received - std::exchange(told_received_, c.bytes_received);
@@ -320,6 +320,7 @@ class Worker {
   std::atomic<std::uint64_t> closed_sent_ = 0, closed_received_ = 0, memory_peak_ = 0;
   bool job_over_ = false, leaving_ = false;
   End end_ = End::over;
+  std::mutex told_mutex_;
   std::uint64_t told_sent_ = 0, told_received_ = 0;  // to the seat
   std::string error_;
   std::unique_ptr<WorkerNode> node_;  // last: its threads use the rest
