@@ -312,7 +312,6 @@ class Worker {
   std::unique_ptr<Peers> peers_;
   std::shared_ptr<Ticker> ticker_;
   std::mutex sync_mutex_;
-  std::mutex told_mutex_;  // not the one above: counters() is called under the node's, which is taken under that one
   std::uint64_t hosts_version_ = 0;
   std::uint64_t manager_incarnation_ = 0;
   std::optional<double> gone_since_;  // the connection to the manager
@@ -321,6 +320,7 @@ class Worker {
   std::atomic<std::uint64_t> closed_sent_ = 0, closed_received_ = 0, memory_peak_ = 0;
   bool job_over_ = false, leaving_ = false;
   End end_ = End::over;
+  std::mutex told_mutex_;  // not sync_mutex_: counters() is called under the node's, which is taken under that one
   std::uint64_t told_sent_ = 0, told_received_ = 0;  // to the seat
   std::string error_;
   std::unique_ptr<WorkerNode> node_;  // last: its threads use the rest

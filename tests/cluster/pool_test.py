@@ -153,6 +153,7 @@ class Pool(support.ClusterTest):
         # The next frame of the same scene finds everything there, on the host that has had it all.
         self.driver.order(("next", self.start_job("next", splits["a"], 8), 1, 0))
         self.assertEqual(self.managers["next"].wait(30), 0, self.logs())
+        self.driver.order()
         self.wait_for(lambda: not self.driver.usage("next").get("working", True), 10, "the end of the last job")
         for host in self.driver.hosts():
             sums = {job: (u["loaded_bytes"], u["shared_bytes"]) for job, u in host["jobs"].items()}
