@@ -45,7 +45,7 @@ class Store final : public PartLoader {
   std::uint64_t memory_, used_ = 0;
 };
 
-struct Node {
+struct SimulatedHost {
   HostId id;
   const HostKind* kind = nullptr;
   std::unique_ptr<WorkerCore> core;

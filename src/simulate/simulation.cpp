@@ -100,7 +100,7 @@ class Simulation {
     const HostKind& kind = kinds_.next();
     const HostId expected(static_cast<std::uint32_t>(nodes_.size()));
     const WorkerOptions options = worker_options(kind);
-    auto node = std::make_unique<Node>();
+    auto node = std::make_unique<SimulatedHost>();
     node->id = expected;
     node->kind = &kind;
     node->core = std::make_unique<WorkerCore>(expected, incarnation_of(expected), options);
@@ -108,7 +108,7 @@ class Simulation {
     node->link = std::make_unique<Link>(static_cast<std::uint32_t>(incarnation_of(expected)), 1u);
     node->joined = now();
     node->debt = plan_.start_s;
-    Node& n = *node;
+    SimulatedHost& n = *node;
     nodes_.push_back(std::move(node));
     wire::Hello hello;
     hello.set_protocol(wire::kProtocolVersion);
@@ -133,13 +133,13 @@ class Simulation {
     after_manager();
   }
   // What will befall this host.
-  void threaten(Node& n) {
+  void threaten(SimulatedHost& n) {
     const Trouble& t = plan_.trouble;
     const std::uint32_t id = n.id.value;
     if (t.failures > 0) at(now() + dice_.exponential(t.failures / 3600), [this, id] { die(id, false); });
     if (t.reclaims > 0)
       at(now() + dice_.exponential(t.reclaims / 3600), [this, id] {
-        Node& host = *nodes_[id];
+        SimulatedHost& host = *nodes_[id];
         if (!host.alive || !busy_time()) return;
         ++reclaimed_;
         host.core->leave("the spot instance is reclaimed");
@@ -150,13 +150,13 @@ class Simulation {
   }
   bool busy_time() { return !core().finished() && core().phase() != ManagerCore::Phase::ending; }
   void die(std::uint32_t id, bool told) {
-    Node& n = *nodes_[id];
+    SimulatedHost& n = *nodes_[id];
     if (!n.alive || !busy_time()) return;
     end(n);
     ++lost_;
     if (!told) replace();
   }
-  void end(Node& n) {
+  void end(SimulatedHost& n) {
     n.alive = false;
     n.left = now();
   }
@@ -165,7 +165,7 @@ class Simulation {
   }
 
   // ---- everything that follows from a change in a worker ----
-  void pump(Node& n) {
+  void pump(SimulatedHost& n) {
     if (!n.alive) return;
     for (int round = 0; round < 2; ++round) start_work(n);
     for (auto& [to, m] : n.core->take_outbox()) {
@@ -177,7 +177,7 @@ class Simulation {
     flush_link(n);
     set_wake(n);
   }
-  void set_wake(Node& n) {
+  void set_wake(SimulatedHost& n) {
     const double wake = std::max(n.core->deadline(), now() + 1e-6);
     if (wake >= n.wake) return;
     n.wake = wake;
@@ -192,7 +192,7 @@ class Simulation {
       pump(n);
     });
   }
-  void start_work(Node& n) {
+  void start_work(SimulatedHost& n) {
     while (n.busy < n.kind->threads) {
       auto work = n.core->take(now());
       if (!work) break;
@@ -221,7 +221,7 @@ class Simulation {
     for (const auto& ends : std::get<CollectWork>(work.what).ends) n += ends.size();
     return static_cast<double>(n);
   }
-  static void note_leaving(Node& n, const WorkResult& r) {
+  static void note_leaving(SimulatedHost& n, const WorkResult& r) {
     std::size_t leaving = 0;
     for (const auto& l : r.leaving) leaving += l.kept.segments->size();
     for (const auto& a : r.asks) leaving += a.asks.size();
@@ -229,7 +229,7 @@ class Simulation {
   }
 
   // ---- parts ----
-  void load(Node& n, Work work) {
+  void load(SimulatedHost& n, Work work) {
     std::uint64_t bytes = 0, triangles = 0;
     if (std::holds_alternative<StartJobWork>(work.what)) {
       bytes = model_.manifest_bytes + model_.parts[0].file_bytes;
@@ -255,7 +255,7 @@ class Simulation {
     });
   }
   // When the bytes are there. The store gives to one after the other, a host takes no faster than its line.
-  double fetch(Node& n, std::uint64_t bytes) {
+  double fetch(SimulatedHost& n, std::uint64_t bytes) {
     const Network& net = plan_.network;
     const auto size = static_cast<double>(bytes);
     n.line_in = std::max(n.line_in, now()) + size / net.bandwidth;
@@ -270,7 +270,7 @@ class Simulation {
   }
 
   // ---- network ----
-  void to_peer(Node& n, HostId to, wire::Message m) {
+  void to_peer(SimulatedHost& n, HostId to, wire::Message m) {
     n.peers.insert(to.value);
     const MessageSize size = size_of(m, weight_, n.per_batch, n.peers.size());
     sent_bytes_ += size.bytes;
@@ -281,7 +281,7 @@ class Simulation {
     auto held = std::make_shared<wire::Message>(std::move(m));
     at(n.line_out + plan_.network.latency, [this, &n, to, held, size, cpu] {
       --n.in_flight;
-      Node& there = *nodes_[to.value];
+      SimulatedHost& there = *nodes_[to.value];
       if (!there.alive) return;
       there.line_in = std::max(there.line_in, now()) + size.bytes / plan_.network.bandwidth;
       there.debt += cpu;
@@ -289,12 +289,12 @@ class Simulation {
       at(there.line_in, [this, from = n.id, &there, held] { arrive(from, there, *held); });
     });
   }
-  void arrive(HostId from, Node& n, wire::Message& m) {
+  void arrive(HostId from, SimulatedHost& n, wire::Message& m) {
     if (!n.alive) return;
     n.core->receive(from, std::move(m), now());
     pump(n);
   }
-  void flush_link(Node& n) {
+  void flush_link(SimulatedHost& n) {
     while (const auto frame = n.link->next(now())) {
       const bool reply = frame->payload && is_renderer_reply(*frame->payload);
       const auto bytes = static_cast<double>(manager_.frame_bytes(*frame, reply));
@@ -317,7 +317,7 @@ class Simulation {
     return r && std::holds_alternative<wire::RendererReply>(r->payload);
   }
   void to_worker(HostId to, const Link::Frame& frame) {
-    Node& n = *nodes_[to.value];
+    SimulatedHost& n = *nodes_[to.value];
     const auto bytes = static_cast<double>(manager_.frame_bytes(frame, false));
     manager_out_ = std::max(manager_out_, now()) + bytes / plan_.network.manager_bandwidth;
     sent_bytes_ += bytes;
@@ -479,7 +479,7 @@ class Simulation {
   Dice dice_;
   EventQueue events_;
   ManagerDriver manager_;
-  std::vector<std::unique_ptr<Node>> nodes_;  // by host number; none is 0
+  std::vector<std::unique_ptr<SimulatedHost>> nodes_;  // by host number; none is 0
   KindMixer kinds_{plan_.kinds};
   std::shared_ptr<SharedMaps> maps_ = std::make_shared<SharedMaps>();
   wire::Bytes last_payload_;
