@@ -5,22 +5,11 @@
 #include "shading/bsdf_disney.h"
 #include "shading/bsdf_hair.h"
 #include "shading/bsdf_math.h"
+#include "shading/bsdf_specular.h"
 #include "shading/scattering_table.h"
 
 namespace cloudrenderer {
 namespace {
-
-template <class F>
-bool is_thin(const LobeOf<F>& l) {
-  return l.kind == LobeKind::specular_dielectric && l.transmits;
-}
-
-// Light that goes to and fro between two sides which each reflect f: 2 f / (1 + f) comes back.
-template <class F>
-F thin_reflectance(const LobeOf<F>& l, F c) {
-  const F f = bsdf::fresnel_dielectric<F>(c, l.eta.x);
-  return 2.f * f / (1.f + f);
-}
 
 // What a coat lets through, the same on both sides of the surface.
 template <class F>
@@ -82,18 +71,6 @@ Vec3Of<F> oren_nayar_value(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec3Of
   const F cross = lanes::max(0.f, wi.x * wo.x + wi.y * wo.y);
   const F t = cross / lanes::max(lanes::abs(wi.z), lanes::abs(wo.z));
   return l.scale * (kInvPi * (l.alpha_x + l.alpha_y * t));
-}
-
-// The chance of reflecting at a dielectric (micro)facet with Fresnel factor f.
-template <class F>
-F reflect_chance(const LobeOf<F>& l, F f) {
-  const F r = lanes::luminance(l.scale) * f, t = lanes::luminance(l.scale2) * (1.f - f);
-  return lanes::select(r + t > 0.f, r / (r + t), F(0.f));
-}
-
-template <class F>
-F incident_eta(const LobeOf<F>& l, const Vec3Of<F>& wo) {
-  return lanes::select(wo.z > 0.f, l.eta.x, l.eta.y);
 }
 
 Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf) {
@@ -230,48 +207,6 @@ MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const
   if (l.transmits) glossy.z = -glossy.z;
   wi = lanes::select(diffuse, wi, glossy);
   return diffuse || valid;
-}
-
-// As BsdfOf::sample() for a specular lobe that has been chosen with `chance`; `u` is a spare uniform number.
-template <class F>
-MaskOf<F> sample_specular(const LobeOf<F>& l, F chance, const Vec3Of<F>& wo, F u, const FrameOf<F>& frame,
-                          BsdfSampleOf<F>& out) {
-  using lanes::select;
-  const F c = lanes::abs(wo.z), eta = incident_eta(l, wo);
-  const MaskOf<F> outside = wo.z > 0.f;
-  MaskOf<F> reflects{l.kind == LobeKind::specular_reflection};
-  Vec3Of<F> weight;
-  if (l.kind == LobeKind::specular_reflection) {
-    weight = l.scale * fresnel(l, c, outside);
-  } else {
-    const F f = is_thin(l) ? thin_reflectance(l, c) : fresnel_dielectric(c, eta);
-    if (l.kind == LobeKind::specular_dielectric) {
-      const F reflecting = reflect_chance(l, f);
-      reflects = u < reflecting;
-      weight = select(reflects, l.scale * (f / reflecting), l.scale2 * ((1.f - f) / (1.f - reflecting)));
-    } else {
-      weight = l.scale * (1.f - f);
-    }
-  }
-  Vec3Of<F> wi(-wo.x, -wo.y, wo.z);
-  MaskOf<F> valid(true);
-  out.eta = 1.f;
-  if (is_thin(l)) {
-    wi = select(reflects, wi, -wo);
-  } else if (lanes::any(!reflects)) {
-    Vec3Of<F> bent;
-    const Vec3Of<F> normal(F(0.f), F(0.f), select(outside, F(1.f), F(-1.f)));
-    valid = refract(wo, normal, eta, bent) || reflects;
-    wi = select(reflects, wi, bent);
-    if (l.scale_radiance) weight = select(reflects, weight, weight * (1.f / (eta * eta)));
-    out.eta = select(reflects, F(1.f), eta);
-  }
-  out.specular = MaskOf<F>(true);
-  out.pdf = 0.f;
-  out.transmission = !reflects;
-  out.weight = weight * (1.f / chance);
-  out.wi = lanes::normalize(frame.to_world(wi));
-  return valid && wo.z != 0.f && !lanes::is_black(out.weight);
 }
 
 template <class F>
