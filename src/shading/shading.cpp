@@ -148,7 +148,8 @@ class SceneShading final : public Shading {
   void number_kinds() {
     std::vector<const MaterialRecord*> firsts;
     for (MaterialRecord& r : records_) {
-      if (!r.material || r.textured || r.has_bump || r.tangents || r.lobes.empty() || r.lobes.size() > Bsdf8::kMaxLobes ||
+      if (!r.material || r.textured || r.has_bump || r.tangents || r.has_subsurface || r.lobes.empty() ||
+          r.lobes.size() > Bsdf8::kMaxLobes ||
           !std::all_of(r.lobes.begin(), r.lobes.end(), eight_wide))
         continue;
       const auto same = std::find_if(firsts.begin(), firsts.end(),
