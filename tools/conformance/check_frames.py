@@ -21,8 +21,12 @@ FOLDER = pathlib.Path(__file__).parent / "frames"
 def layout(name, c):
     """(column, type, numbers an entry, entries) of the bulk. "i5": two's complement of five bytes."""
     if name == "PathEnds":
-        return [("task", "<u4", 1, c.count), ("pixel", "<u4", 1, c.count), ("sample", "<u4", 1, c.count), ("owner", "<u2", 1, c.count),
-                ("flags", "<u2", 1, c.count), ("radiance", f"i{c.radiance_bytes}", 3, c.count)]
+        def whose(what, n):
+            return [(what + "task", "<u4", 1, n), (what + "pixel", "<u4", 1, n), (what + "sample", "<u4", 1, n),
+                    (what + "owner", "<u2", 1, n), (what + "flags", "<u2", 1, n)]
+        seen = whose("features ", c.features) + [("features ids", "<u4", 3, c.features),
+                                                 ("features values", f"i{c.feature_bytes}", 10, c.features)]
+        return whose("", c.count) + [("radiance", f"i{c.radiance_bytes}", 3, c.count)] + (seen if c.features else [])
     if name == "Reply":
         words = -(-c.count // 64)
         if c.refused:

@@ -222,7 +222,7 @@ class Play(Truth):
                 expect(header == Header(0, 0, 0, 0), "a message of the greeting has a link header that is not 0")
                 expect(m.name in ("Challenge", "Proof"), f"{m.name} to somebody who has proved nothing")
                 if m.name == "Proof":
-                    expect(m.control.code == frames.proof(self.secret, "connects", bytes(32)), "its proof is wrong")
+                    expect(m.control.code == frames.proof(self.secret.encode(), "connects", bytes(32)), "its proof is wrong")
                 if m.name == "Challenge":
                     challenged = True
                     writer.write(frames.frame(frames.encode("Proof", pb.Proof(code=bytes(32)))))
