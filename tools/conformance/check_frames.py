@@ -113,7 +113,7 @@ def main():
             messages[entry["file"]] = check(entry)
         except AssertionError as e:
             sys.exit(f"{entry['file']}: {e}")
-    proof = frames.proof("a secret", "connects", messages["challenge.bin"].control.nonce)
+    proof = frames.proof(b"a secret", "connects", messages["challenge.bin"].control.nonce)
     assert messages["proof.bin"].control.code == proof, "the proof"
     print(f"{len(entries)} frames are read as they are meant")
 
