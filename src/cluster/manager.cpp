@@ -4,6 +4,7 @@
 #include <asio/steady_timer.hpp>
 
 #include "base/log.h"
+#include "cluster/introduction.h"
 
 namespace cloudrenderer {
 namespace {
@@ -46,25 +47,16 @@ void Manager::accept(std::unique_ptr<Stream> stream) {
 
 bool Manager::introduce(const std::shared_ptr<Session>& session, wire::Message&& message) {
   strangers_.remove(session);
-  const auto* hello = std::get_if<wire::Hello>(&message);
-  if (hello == nullptr) {
-    session->close(std::string("it sent ") + wire::message_name(message) + " instead of Hello");
-    return false;
-  }
+  const wire::Hello* const hello = hello_of(*session, message);
+  if (hello == nullptr) return false;
   if (join_again(session, *hello)) return true;
   if (hello->manager() != 0) {  // of a manager before this one, or given up by this one
-    wire::Refused refused;
-    refused.set_reason("this host is not known here any more; it may come as a new one");
-    send_unsequenced(*session, refused);
-    session->close_when_sent("host " + hello->name() + " was with another manager");
+    refuse(*session, *hello, "this host is not known here any more; it may come as a new one", "was with another manager");
     return false;
   }
   const Result<HostId> id = core_.join(*hello, clock_.now());
   if (!id) {
-    wire::Refused refused;
-    refused.set_reason(id.error());
-    send_unsequenced(*session, refused);
-    session->close_when_sent("host " + hello->name() + " is refused: " + id.error());
+    refuse(*session, *hello, id.error());
     drain();
     return false;
   }

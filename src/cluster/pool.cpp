@@ -4,6 +4,7 @@
 
 #include "base/log.h"
 #include "cluster/fingerprint.h"
+#include "cluster/introduction.h"
 #include "cluster/worker.h"
 
 namespace cloudrenderer {
@@ -63,11 +64,8 @@ void Pool::accept(std::unique_ptr<Stream> stream) {
 
 bool Pool::introduce(const std::shared_ptr<Session>& session, wire::Message&& message) {
   strangers_.remove(session);
-  const auto* hello = std::get_if<wire::Hello>(&message);
-  if (hello == nullptr) {
-    session->close(std::string("it sent ") + wire::message_name(message) + " instead of Hello");
-    return false;
-  }
+  const wire::Hello* const hello = hello_of(*session, message);
+  if (hello == nullptr) return false;
   const bool forgotten =
       hello->manager() == incarnation_ && !peers_.contains(hello->incarnation());
   const Result<std::uint64_t> id =
@@ -75,10 +73,7 @@ bool Pool::introduce(const std::shared_ptr<Session>& session, wire::Message&& me
                                                  "as a new one")
                 : core_.join(*hello, clock_.now());
   if (!id) {
-    wire::Refused refused;
-    refused.set_reason(id.error());
-    send_unsequenced(*session, refused);
-    session->close_when_sent("host " + hello->name() + " is refused: " + id.error());
+    refuse(*session, *hello, id.error());
     return false;
   }
   Peer& peer = peers_[*id];

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tasks/admission.h"
+
 namespace cloudrenderer {
 namespace {
 
-constexpr std::uint32_t kAbsurdThreads = 1u << 16;
-constexpr std::uint64_t kAbsurdMemory = std::uint64_t{1} << 60;
 constexpr double kLook = 0.25;  // how often, in the time after which a host is lost
 constexpr std::size_t kMostHosts = 1u << 16;
 constexpr std::size_t kMostLeft = 1024;   // that are remembered one by one
@@ -48,18 +48,9 @@ void PoolUsage::add(const PoolUsage& o) {
 
 Result<std::uint64_t> PoolCore::join(const wire::Hello& hello, double now) {
   const auto refuse = [](const std::string& why) { return Result<std::uint64_t>::failure(why); };
-  if (hello.protocol() != wire::kProtocolVersion)
-    return refuse("this pool speaks protocol version " + std::to_string(wire::kProtocolVersion) +
-                  ", the host speaks " + std::to_string(hello.protocol()));
+  if (const auto why = unbelievable(hello)) return refuse(*why);
   if (static_cast<std::uint32_t>(hello.incarnation()) == 0)
     return refuse("the low half of the host's incarnation is 0");
-  if (hello.threads() == 0 || hello.threads() > kAbsurdThreads)
-    return refuse("the host says that it has " + std::to_string(hello.threads()) +
-                  " threads; 1 to " + std::to_string(kAbsurdThreads) + " are believed");
-  if (hello.memory() > kAbsurdMemory)
-    return refuse("the host says that it may use " + std::to_string(hello.memory() >> 40) +
-                  " TiB of memory; up to " + std::to_string(kAbsurdMemory >> 40) +
-                  " TiB are believed");
   if (options_.fingerprint != 0 && hello.fingerprint() != options_.fingerprint &&
       !options_.allow_inexact)
     return refuse("the host computes other bits than the pool (numeric fingerprint); "

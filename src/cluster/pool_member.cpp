@@ -14,6 +14,7 @@
 #include "base/log.h"
 #include "cluster/clock.h"
 #include "cluster/pool_order.h"
+#include "cluster/spawn.h"
 #include "cluster/usage.h"
 #include "net/greeting.h"
 #include "net/peer_link.h"
@@ -71,14 +72,7 @@ class PoolMember {
   };
 
   void spawn(asio::awaitable<void> work) {
-    asio::co_spawn(io_, std::move(work), [this](std::exception_ptr error) {
-      if (!error) return;
-      try {
-        std::rethrow_exception(error);
-      } catch (const std::exception& e) {
-        end(e.what());
-      }
-    });
+    cloudrenderer::spawn(io_, std::move(work), [this](const std::string& why) { end(why); });
   }
 
   void end(const std::string& error) {

@@ -12,6 +12,7 @@
 #include "cluster/fingerprint.h"
 #include "cluster/peers.h"
 #include "cluster/pool_member.h"
+#include "cluster/spawn.h"
 #include "cluster/ticker.h"
 #include "cluster/usage.h"
 #include "cluster/worker_node.h"
@@ -73,14 +74,7 @@ class Worker {
   }
 
   void spawn(asio::awaitable<void> work) {
-    asio::co_spawn(io_, std::move(work), [this](std::exception_ptr error) {
-      if (!error) return;
-      try {
-        std::rethrow_exception(error);
-      } catch (const std::exception& e) {
-        end(e.what());
-      }
-    });
+    cloudrenderer::spawn(io_, std::move(work), [this](const std::string& why) { end(why); });
   }
 
   void end(const std::string& error) {

@@ -4,7 +4,7 @@
 
 #include "integrator/shader.h"
 #include "integrator/timer.h"
-#include "shapes/triangle.h"
+#include "parts/part_triangle.h"
 
 namespace cloudrenderer {
 namespace {
@@ -23,16 +23,12 @@ bool describe(const ResidentSet& set, const Hit& hit, AnsweredHit& out) {
   s.material = c.material;
   s.light = c.light;
   if (c.flip != 0) s.flags |= kAnsweredFlip;
-  if (c.first_normal != kNone) s.flags |= kAnsweredNormals;
-  if (c.first_uv != kNone) s.flags |= kAnsweredUvs;
-  const Triangle index = part.triangles[hit.index];
-  for (int k = 0; k < 3; ++k) {
-    const auto i = static_cast<std::size_t>(k);
-    s.p[i] = part.positions[index[k]];
-    const std::uint32_t own = index[k] - c.first_vertex;
-    if (c.first_normal != kNone) s.n[i] = part.normals[c.first_normal + own];
-    if (c.first_uv != kNone) s.uv[i] = part.uvs[c.first_uv + own];
-  }
+  const TriangleVertices tri = vertices_of(part, c, hit.index);
+  if (tri.has_normals) s.flags |= kAnsweredNormals;
+  if (tri.has_uvs) s.flags |= kAnsweredUvs;
+  s.p = tri.p;
+  s.n = tri.n;
+  s.uv = tri.uv;
   return true;
 }
 

@@ -7,17 +7,18 @@
 #include "integrator/shader.h"
 #include "integrator/shadow_channel.h"
 #include "integrator/timer.h"
-#include "shapes/triangle.h"
+#include "parts/part_triangle.h"
 
 namespace cloudrenderer {
 
 namespace {
 
 constexpr std::uint16_t kMaxPassed = 1000;    // null surfaces in a row of one path: none is endless
-constexpr std::int32_t kRouletteFrom = 3;    // vertex after which paths are thinned
+constexpr std::int32_t kRouletteFrom = 1;    // vertex after which paths are thinned
 
-// A path survives with this times its largest throughput, at most surely.
-constexpr float kRouletteScale = 1.f;
+// A path survives with this times its largest throughput, at most surely. Thinning paths that carry more costs more error
+// than it saves time: src/README.md, decision 51.
+constexpr float kRouletteScale = 12.f;
 
 // The side whose light matters (see Lights::sample). The geometric normal decides, as in Bsdf: with a shading normal
 // that leans far from it, light from below the shading horizon is reflected too, and light along the surface strongly:
@@ -46,18 +47,8 @@ SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& directi
     const MeshChunk& c = part.chunk_of(hit.index);
     material = c.material;
     light = c.light;
-    const Triangle index = part.triangles[hit.index];
-    TriangleVertices tri{};
-    for (int i = 0; i < 3; ++i) tri.p[static_cast<std::size_t>(i)] = part.positions[index[i]];
-    if (c.first_normal != kNone) {
-      tri.has_normals = true;
-      for (int i = 0; i < 3; ++i) tri.n[static_cast<std::size_t>(i)] = part.normals[c.first_normal + index[i] - c.first_vertex];
-    }
     // pbrt-v2 takes the side of a triangle from its uv map.
-    if (c.first_uv != kNone && (derivatives || tracer.dialect_ == Dialect::v2)) {
-      tri.has_uvs = true;
-      for (int i = 0; i < 3; ++i) tri.uv[static_cast<std::size_t>(i)] = part.uvs[c.first_uv + index[i] - c.first_vertex];
-    }
+    const TriangleVertices tri = vertices_of(part, c, hit.index, derivatives || tracer.dialect_ == Dialect::v2);
     p = triangle_point(tri, c.flip != 0, tracer.dialect_, hit.u, hit.v, derivatives);
   } else if (hit.geometry == kCurveHit) {
     const CurveGroup& g = part.curves.group_of(hit.index);
@@ -131,20 +122,25 @@ PathSegment& PathTracer::Shader::next() {
   return s;
 }
 
+template <class F>
+Vec3Of<F> PathTracer::Shader::escaped(MaskOf<F> active, const EscapeOf<F>& e, bool weighted) const {
+  // Lanes that are off have no light, and one path is never off.
+  const auto infinite = [&](auto&&... asked) {
+    if constexpr (std::is_same_v<F, float>) return tracer.lights_->escaped(asked...);
+    else return tracer.lights_->escaped(active, asked...);
+  };
+  if (!weighted) return e.throughput * infinite(e.direction);
+  F pdf;
+  const Vec3Of<F> radiance = infinite(e.from, e.normal, e.direction, pdf);
+  return e.throughput * radiance * power_weight(e.pdf, pdf);
+}
+template Vec3x8 PathTracer::Shader::escaped<Float8>(Mask8, const EscapeOf<Float8>&, bool) const;
+
 void PathTracer::Shader::escape() {
   const PathSegment& s = *path;
-  const Lights& lights = *tracer.lights_;
-  if (lights.has_infinite() && tracer.job_.integrator != IntegratorKind::ambient_occlusion) {
-    if (s.flags & kSpecularBounce) {
-      if (s.vertex <= tracer.job_.emission_vertex) {
-        add(s.throughput * lights.escaped(s.direction));
-      }
-    } else {
-      float pdf;
-      const Rgb radiance = lights.escaped(s.scattered_at(), s.previous_normal, s.direction, pdf);
-      add(s.throughput * radiance * power_weight(s.previous_pdf, pdf));
-    }
-  }
+  if (finds_infinite(s))
+    add(escaped<float>(true, {s.direction, s.throughput, s.scattered_at(), s.previous_normal, s.previous_pdf},
+                       !(s.flags & kSpecularBounce)));
   end();
 }
 

@@ -81,20 +81,17 @@ void PathTracer::EightShader::finish() {
 }
 
 bool PathTracer::EightShader::take_escape(std::size_t i) {
-  const PathTracer& tracer = shader_.tracer;
-  if (!tracer.lights_->has_infinite() || tracer.job_.integrator == IntegratorKind::ambient_occlusion) return false;
   const PathSegment& s = batch_.segments[i];
-  const bool direct = s.flags & kSpecularBounce;
-  if (direct && s.vertex > tracer.job_.emission_vertex) return false;
-  Escapes& e = escapes_[!direct];
+  if (!shader_.finds_infinite(s)) return false;
+  const bool weighted = !(s.flags & kSpecularBounce);
+  Escapes& e = escapes_[weighted];
   e.segments[e.count++] = i;
-  if (e.count == kLanes) shade(e, !direct);
+  if (e.count == kLanes) shade(e, weighted);
   return true;
 }
 
 void PathTracer::EightShader::shade(Escapes& e, bool weighted) {
-  const Lights& lights = *shader_.tracer.lights_;
-  Columns<13> at;  // direction, throughput, and of where the path has scattered: point, normal, density
+  Columns<13> at;  // as EscapeOf has them
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const PathSegment& s = batch_.segments[e.segments[lane < e.count ? lane : 0]];
     at.put(0, lane, s.direction);
@@ -104,15 +101,13 @@ void PathTracer::EightShader::shade(Escapes& e, bool weighted) {
     at.put(9, lane, s.previous_normal);
     at.at[12][lane] = s.previous_pdf;
   }
-  const Mask8 active = lanes::from_mask_bits((1u << e.count) - 1u);
-  Vec3x8 light = at.three(3);
+  EscapeOf<Float8> escape{at.three(0), at.three(3), {}, {}, {}};
   if (weighted) {
-    Float8 pdf;
-    const Vec3x8 radiance = lights.escaped(active, at.three(6), at.three(9), at.three(0), pdf);
-    light = light * radiance * power_weight(at.one(12), pdf);
-  } else {
-    light *= lights.escaped(active, at.three(0));
+    escape.from = at.three(6);
+    escape.normal = at.three(9);
+    escape.pdf = at.one(12);
   }
+  const Vec3x8 light = shader_.escaped<Float8>(lanes::from_mask_bits((1u << e.count) - 1u), escape, weighted);
   for (std::size_t lane = 0; lane < e.count; ++lane) {
     shader_.begin(batch_.segments[e.segments[lane]]);
     shader_.add(lanes::get(light, lane));

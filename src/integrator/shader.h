@@ -77,6 +77,13 @@ inline ScatterOf<float> scatter_of(const SurfacePoint& p, const Vec3& offset, co
   return v;
 }
 
+// Where a path leaves the scene: its ray, and of where it has scattered before the point, normal and density.
+template <class F>
+struct EscapeOf {
+  Vec3Of<F> direction, throughput, from, normal;
+  F pdf;
+};
+
 // What was found at eight vertices, or in row 0 at one, on its way from lanes back to single paths: a row a path, in
 // the order in which OcclusionRay and PathSegment keep it.
 struct ScatterResults {
@@ -223,6 +230,15 @@ struct PathTracer::Shader {
   void tell_collision(const Vec3& p);
   void put_place(PathFeatures& f, const Vec3& p) const;
   void escape();
+  // Whether light counts that a path finds outside of the scene.
+  bool finds_infinite(const PathSegment& s) const {
+    return tracer.lights_->has_infinite() && tracer.job_.integrator != IntegratorKind::ambient_occlusion &&
+           (!(s.flags & kSpecularBounce) || s.vertex <= tracer.job_.emission_vertex);
+  }
+  // The light of the infinite lights that escaped paths find, weighted against samples of these lights where the paths have
+  // scattered; without `weighted` only direction and throughput are read.
+  template <class F>
+  Vec3Of<F> escaped(MaskOf<F> active, const EscapeOf<F>& e, bool weighted) const;
   void end();
   // Sends the path on; the caller says where, in what is returned.
   PathSegment& next();

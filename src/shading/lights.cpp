@@ -6,10 +6,10 @@
 #include <cmath>
 #include <type_traits>
 
+#include "parts/part_triangle.h"
 #include "shading/light_infinite.h"
 #include "shading/light_map.h"
 #include "shading/light_record.h"
-#include "shapes/triangle.h"
 
 namespace cloudrenderer {
 namespace {
@@ -377,22 +377,6 @@ class SceneLights final : public Lights {
           std::max(range.count, part.source_primitive(chunk, chunk.first_triangle + i) + 1);
   }
 
-  static TriangleVertices vertices(const MeshChunk& chunk, const Part& part,
-                                   std::uint32_t triangle) {
-    TriangleVertices out;
-    out.has_normals = chunk.first_normal != kNone;
-    out.has_uvs = chunk.first_uv != kNone;
-    for (int i = 0; i < 3; ++i) {
-      const std::uint32_t vertex = part.triangles[triangle][i];
-      const auto k = static_cast<std::size_t>(i);
-      out.p[k] = part.positions[vertex];
-      if (out.has_normals)
-        out.n[k] = part.normals[chunk.first_normal + (vertex - chunk.first_vertex)];
-      if (out.has_uvs) out.uv[k] = part.uvs[chunk.first_uv + (vertex - chunk.first_vertex)];
-    }
-    return out;
-  }
-
   void add_mesh(const MeshChunk& chunk, const Part& part, Dialect dialect) {
     const Emission& emission = emissions_[chunk.light];
     if (!(average(emission.radiance) > 0.f)) return;
@@ -404,10 +388,10 @@ class SceneLights final : public Lights {
       return triangle_point(t, chunk.flip != 0, dialect, 1.f / 3.f, 1.f / 3.f, false).ng;
     };
     for (std::uint32_t i = 0; i < chunk.triangle_count; ++i) {
-      const TriangleVertices a = vertices(chunk, part, chunk.first_triangle + i);
+      const TriangleVertices a = vertices_of(part, chunk, chunk.first_triangle + i);
       const Vec3 n = normal(a);
       if (i + 1 < chunk.triangle_count) {
-        const TriangleVertices b = vertices(chunk, part, chunk.first_triangle + i + 1);
+        const TriangleVertices b = vertices_of(part, chunk, chunk.first_triangle + i + 1);
         Vec3 corner, edge0, edge1;
         if (parallelogram(a, b, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
           if (const auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n,

@@ -3,14 +3,13 @@
 
 #include <algorithm>
 
+#include "tasks/admission.h"
+
 namespace cloudrenderer {
 namespace {
 
 constexpr double kMostThreads = 4096;
 constexpr std::uint32_t kMaxHost = 0xfffe;  // a path's owner has 16 bits
-// What no host has: such numbers are an error, or meant to do harm.
-constexpr std::uint32_t kAbsurdThreads = 1u << 16;
-constexpr std::uint64_t kAbsurdMemory = std::uint64_t{1} << 50;
 constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
@@ -53,17 +52,8 @@ ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
 
 Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   const auto refuse = [](const std::string& why) { return Result<HostId>::failure(why); };
-  if (hello.protocol() != wire::kProtocolVersion)
-    return refuse("this cluster speaks protocol version " + std::to_string(wire::kProtocolVersion) +
-                  ", the host speaks " + std::to_string(hello.protocol()));
+  if (const auto why = unbelievable(hello)) return refuse(*why);
   if (phase_ == Phase::ending || finished()) return refuse("the job is over");
-  if (hello.threads() == 0 || hello.threads() > kAbsurdThreads)
-    return refuse("the host says that it has " + std::to_string(hello.threads()) +
-                  " threads; 1 to " + std::to_string(kAbsurdThreads) + " are believed");
-  if (hello.memory() > kAbsurdMemory)
-    return refuse("the host says that it may use " + std::to_string(hello.memory() >> 40) +
-                  " TiB of memory; up to " + std::to_string(kAbsurdMemory >> 40) +
-                  " TiB are believed");
   if (next_host_ > kMaxHost) return refuse("the job has had too many hosts");
   if ((hello.fingerprint() == 0 || (fingerprint_ && *fingerprint_ != hello.fingerprint())) &&
       !options_.allow_inexact && !hello.allow_inexact())
