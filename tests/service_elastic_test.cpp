@@ -347,7 +347,8 @@ TEST(SteadyHosts, BeginsWithWhatIsThereAndKeepsUpNothingThatHasNotCome) {
   limits.idle_s = 100;
   SteadyHosts steady(limits);
   const auto settle = [&](std::uint32_t n, std::size_t there, double at) { return steady.settle(said(n, hosts(there)), hosts(there), at).wanted(); };
-  EXPECT_EQ(settle(0, 3, 0), 3u) << "a service that was started again ends no host at once";
+  EXPECT_EQ(settle(0, 0, 0), 0u);
+  EXPECT_EQ(settle(0, 3, 1), 3u) << "they come back to a service that was started again, which ends none at once";
   EXPECT_EQ(settle(9, 3, 10), 9u);
   EXPECT_EQ(settle(2, 4, 20), 4u) << "the other five were never there";
   EXPECT_EQ(settle(2, 4, 5), 4u) << "a clock that goes back does no harm";

@@ -172,9 +172,9 @@ def scale(service, hosts, kind, every, stop):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
     commands = parser.add_subparsers(dest="where", required=True)
-    local, slurm = commands.add_parser("local"), commands.add_parser("slurm")
+    local, slurm = (commands.add_parser(name, allow_abbrev=False) for name in ("local", "slurm"))
     for command in local, slurm:
         command.add_argument("--service", default=os.environ.get("CLOUDRENDERER_SERVICE"), help="http://HOST:PORT of its API")
         command.add_argument("--user-token-file")

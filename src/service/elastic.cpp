@@ -367,17 +367,17 @@ HostsWanted hosts_wanted(const std::vector<ElasticJob>& jobs, const std::vector<
 }
 
 HostsWanted SteadyHosts::settle(HostsWanted wanted, const std::vector<ElasticHost>& hosts, double now) {
+  if (!began_) began_ = now;
+  const bool just_begun = now < *began_ + limits_.idle_s;  // nobody knows what was wanted before
   std::uint32_t all = 0, kept = 0;
   for (HostsWanted::Kind& kind : wanted.kinds) {
-    auto [at, is_new] = said_.try_emplace(kind.name);
-    std::deque<Said>& said = at->second;
-    if (is_new) said.push_back({now, kind.there});  // who has just begun lets nobody go at once
+    std::deque<Said>& said = said_[kind.name];
     for (Said& s : said) s.at = std::min(s.at, now);  // clocks may go back
     while (!said.empty() && said.front().at < now - limits_.idle_s) said.pop_front();
     while (!said.empty() && said.back().wanted <= kind.wanted) said.pop_back();
     said.push_back({now, kind.wanted});
     // What was wanted and has not come is not kept up.
-    const std::uint32_t most = std::max(kind.wanted, std::min(said.front().wanted, kind.there));
+    const std::uint32_t most = std::max(kind.wanted, just_begun ? kind.there : std::min(said.front().wanted, kind.there));
     kept += most - kind.wanted;
     kind.wanted = most;
     all += most;

@@ -112,6 +112,7 @@ class SteadyHosts {
     std::uint32_t wanted = 0;
   };
   const ElasticLimits limits_;
+  std::optional<double> began_;
   std::map<std::string, std::deque<Said>> said_;  // by kind; the wanted fall, the first is the most of the last idle_s
 };
 
