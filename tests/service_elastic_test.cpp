@@ -139,6 +139,8 @@ TEST(Elastic, ADeadlineWantsTheFewestThatMakeIt) {
   const HostsWanted w = wanted({dated(7, 1800, 900)});
   EXPECT_EQ(w.wanted(), 2u);  // one: 60 + 900
   EXPECT_EQ(wanted({dated(7, 1800, 90000)}).wanted(), 1u);
+  EXPECT_SAYS(wanted({dated(7, 1800, 90000)}), "job 7 cannot begin with 0 hosts");
+  EXPECT_SAYS(wanted({dated(7, 1800, 90000)}, hosts(2)), "job 7 meets its deadline with 89100 s to spare with 1 host");
   EXPECT_EQ(wanted({dated(7, 1800, 300)}).wanted(), 5u);  // 60 + 1800 / 10 = 240 < 270
   const HostsWanted there = wanted({dated(7, 1800, 780)}, hosts(1));
   EXPECT_EQ(there.wanted(), 2u);

@@ -1,5 +1,7 @@
 """What the scaler of hosts decides, and what it says to Slurm (sbatch and scancel played by a script)."""
+import contextlib
 import http.server
+import io
 import json
 import os
 import pathlib
@@ -10,6 +12,7 @@ import sys
 import tempfile
 import threading
 import time
+import types
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -62,6 +65,20 @@ class Decide(unittest.TestCase):
     def test_every_scaler_has_its_kind(self):
         self.assertEqual(scale_hosts.decide(said(3, ["a"], kind="big"), "small", ["s"]), (0, ["s"]))
         self.assertEqual(scale_hosts.decide(said(3, ["a"], kind="big"), "big", []), (2, []))
+
+
+class Local(unittest.TestCase):
+    def test_hosts_that_fail_are_not_started_for_ever(self):
+        arguments = types.SimpleNamespace(program="/bin/false", manager="farm:7000", kind="", logs=None, name="x")
+        hosts, stop = scale_hosts.LocalHosts(arguments, []), threading.Event()
+        service = types.SimpleNamespace(wanted=lambda: said(3))
+        threading.Timer(1, stop.set).start()
+        with contextlib.redirect_stdout(io.StringIO()) as told:
+            scale_hosts.scale(service, hosts, "", 0.02, stop)
+            hosts.close()
+        self.assertIn("hosts have failed one after the other", told.getvalue())
+        self.assertGreaterEqual(hosts.count, 5)
+        self.assertLess(hosts.count, 15, told.getvalue())
 
 
 class Slurm(unittest.TestCase):

@@ -25,6 +25,7 @@ import urllib.request
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 GOODBYE = 60  # seconds that a host may take to leave
+ENOUGH = 5  # hosts that fail, before they are tried one by one
 LARGEST_ARRAY = 1000  # Slurm's MaxArraySize is 1001 unless set
 
 
@@ -69,7 +70,7 @@ class LocalHosts:
         self.processes = {}  # by name
         self.leaving = {}
         self.count = 0
-        self.failed = 0  # one after the other
+        self.failed = 0  # since one has come
 
     def names(self):
         """Of those that run and were not asked to leave."""
@@ -79,7 +80,8 @@ class LocalHosts:
                 if code is None:
                     continue
                 del group[name]
-                self.failed = self.failed + 1 if code != 0 and group is self.processes else 0
+                if code != 0 and group is self.processes:
+                    self.failed += 1
                 say(f"{name} has ended with code {code}")
         return list(self.processes)
 
@@ -117,6 +119,7 @@ class SlurmHosts:
         self.worker = [arguments.script, arguments.manager, *([arguments.kind] if arguments.kind else [])]
         self.name = f"cloudrenderer-{arguments.kind or 'worker'}"
         self.dry_run = arguments.dry_run
+        self.failed = 0  # Slurm knows
         self.ended = set()  # told to leave: a second signal would end them at once
 
     def run(self, command, changes=True):
@@ -155,14 +158,17 @@ def scale(service, hosts, kind, every, stop):
         try:
             said = service.wanted()
             ours = hosts.names()
+            if any(h["name"] in ours for h in said["hosts"]):
+                hosts.failed = 0
             more, fewer = decide(said, kind, ours)
             if more or fewer:
                 reasons = "; ".join(r["text"] for r in said["reasons"])
                 say(f"{said['wanted']} wanted, {said['there']} there, {len(ours)} of them ours or to come ({reasons})")
-            if more and getattr(hosts, "failed", 0) >= 5:
-                say("five hosts in a row have failed: see their logs; trying again with one")
+            if more and hosts.failed >= ENOUGH:
+                say(f"{hosts.failed} hosts have failed one after the other (--logs); in a while one is tried again")
+                if stop.wait(10 * every):
+                    return
                 more = 1
-                stop.wait(10 * every)
             hosts.start(more)
             hosts.end(fewer)
         except (urllib.error.URLError, OSError, ValueError, KeyError, subprocess.SubprocessError) as fault:

@@ -272,7 +272,8 @@ class Planner {
     std::uint64_t memory = std::numeric_limits<std::uint64_t>::max();
     for (const ElasticJob& job : jobs_)
       if (job.deadline && job.work > 0) work += job.work, memory = std::min(memory, job.least_memory);
-    if (work <= 0 || lateness(fleet_, kInTime) <= 0) return;
+    if (work <= 0) return;
+    if (lateness(fleet_, kInTime) <= 0) return tell_dated();
     const std::vector<Run> more = runs([&](std::uint64_t m, std::size_t) { return m == 0 || m >= memory; });
     const auto late = [&](std::uint32_t n) { return lateness(with(more, n), kInTime); };
     // The fewest for which it holds; it holds for `most`, and for all beyond the first.
@@ -309,7 +310,7 @@ class Planner {
       if (!job.deadline || job.work <= 0) continue;
       const double left = *job.deadline - now_;
       const auto misses = [&](double end, const std::string& with_what) {
-        return end == kNever ? fmt::format("job {} has no host to meet its deadline with", job.id)
+        return end == kNever ? fmt::format("job {} cannot begin {}", job.id, with_what)
                              : fmt::format("job {} misses its deadline by {:.0f} s {}", job.id, end - left, with_what);
       };
       if (then[i] > left)
