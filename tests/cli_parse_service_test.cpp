@@ -27,7 +27,7 @@ class ServiceCommandLine : public ::testing::Test {
 
 TEST_F(ServiceCommandLine, SubmitTakesEveryOption) {
   const auto o = std::get<SubmitOptions>(parse({"submit", "a.pbrt", "b.pbrt", "--name", "n", "--priority", "-2", "--retries", "0", "--timeout", "60",
-                                                "--budget", "2.5", "--on-budget", "ask", "--spp", "4", "--max-depth", "3", "--seed", "9", "--max-error",
+                                                "--budget", "2.5", "--on-budget", "ask", "--deadline", "1.5h", "--spp", "4", "--max-depth", "3", "--seed", "9", "--max-error",
                                                 "0.5", "--resolution", "64x32", "--crop", "0,0.1,0.25,1", "--integrator", "path", "--dialect", "v3",
                                                 "--part-size", "1MiB", "--wait", "--quiet"}));
   EXPECT_EQ(o.service.url, "http://farm:8080");
@@ -38,6 +38,7 @@ TEST_F(ServiceCommandLine, SubmitTakesEveryOption) {
   EXPECT_EQ(o.request.retries, 0u);
   EXPECT_EQ(o.request.timeout_s, 60);
   EXPECT_EQ(o.request.budget, 2.5);
+  EXPECT_EQ(o.request.deadline->at(100), 5500);
   const RenderSettings& s = o.request.settings;
   EXPECT_EQ(s.spp, 4u);
   EXPECT_EQ(s.max_depth, 3u);
@@ -61,6 +62,9 @@ TEST_F(ServiceCommandLine, OtherCommandsNameTheirJob) {
   EXPECT_THROW(parse({"cancel", "x"}), UsageError);
   EXPECT_THROW(parse({"submit"}), UsageError);
   EXPECT_THROW(parse({"submit", "a.pbrt", "--spp", "-1"}), UsageError);
+  EXPECT_THROW(parse({"submit", "a.pbrt", "--deadline", "tomorrow"}), UsageError);
+  EXPECT_TRUE(std::get<StatusOptions>(parse({"status", "--hosts"})).hosts);
+  EXPECT_THROW(parse({"status", "3", "--hosts"}), UsageError);
   unsetenv("CLOUDRENDERER_USER_TOKEN");
   EXPECT_THROW(parse({"status"}), UsageError);
 }
@@ -68,7 +72,8 @@ TEST_F(ServiceCommandLine, OtherCommandsNameTheirJob) {
 TEST_F(ServiceCommandLine, AManagerServesOrRendersAScene) {
   const auto o = std::get<ServeOptions>(parse({"manager", "--serve", "data", "--listen", "0.0.0.0:7000", "--advertise", "farm", "--api", "127.0.0.1:1",
                                                "--users", "u", "--prices", "p", "--jobs-at-once", "2", "--patience", "5", "--user-bytes", "1GiB",
-                                               "--child-memory", "2GiB", "--tls", "on"}));
+                                               "--child-memory", "2GiB", "--tls", "on", "--lost-after", "9", "--min-hosts", "0", "--max-hosts", "6",
+                                               "--host-start", "20", "--host-idle", "30"}));
   EXPECT_EQ(o.config.folder, "data");
   EXPECT_EQ(o.config.managers_host, "farm");
   EXPECT_EQ(o.listen.port, 7000);
@@ -79,6 +84,15 @@ TEST_F(ServiceCommandLine, AManagerServesOrRendersAScene) {
   EXPECT_EQ(o.config.user_bytes, std::uint64_t{1} << 30);
   EXPECT_EQ(o.config.child_memory, std::uint64_t{2} << 30);
   EXPECT_EQ(o.config.tls.mode, TlsMode::on);
+  EXPECT_EQ(o.lost_after_s, 9);
+  const ElasticLimits& e = o.config.elastic;
+  EXPECT_EQ(e.least, 0u);
+  EXPECT_EQ(e.most, 6u);
+  EXPECT_EQ(e.start_s, 20);
+  EXPECT_EQ(e.worth_s, 80);
+  EXPECT_EQ(e.idle_s, 30);
+  EXPECT_EQ(e.jobs_at_once, 2u);
+  EXPECT_THROW(parse({"manager", "--serve", "data", "--listen", "127.0.0.1:7000", "--min-hosts", "101"}), UsageError) << "above --max-hosts";
   EXPECT_THROW(parse({"manager", "--serve", "data", "--listen", ":7000"}), UsageError) << "workers could not find it";
   EXPECT_THROW(parse({"manager", "a.pbrt", "--serve", "data", "--listen", "127.0.0.1:7000"}), UsageError);
   EXPECT_THROW(parse({"manager", "--listen", "127.0.0.1:7000"}), UsageError) << "neither";

@@ -102,6 +102,19 @@ TEST(Scheduler, AJobThatCannotFitSaysSoWithNumbers) {
   EXPECT_NE(farm.job(id).reason.find("the largest of 2 hosts has 4096 MiB"), std::string::npos) << farm.job(id).reason;
 }
 
+TEST(Scheduler, WaitsForALargerHostThatCanBeHad) {
+  Farm farm;
+  farm.scheduler.set_largest_to_come(8 * kGiB);
+  farm.needs = {3 * kGiB, 2 * kGiB, 9 * kGiB, 5, 1};
+  const auto id = farm.submit("ann");
+  farm.step();
+  EXPECT_EQ(farm.job(id).state, JobState::queued);
+  EXPECT_NE(farm.job(id).frames[0].reason.find("waits for a host with 5120 MiB"), std::string::npos) << farm.job(id).frames[0].reason;
+  farm.scheduler.set_hosts({4 * kGiB, 8 * kGiB});
+  farm.step();
+  EXPECT_EQ(farm.job(id).state, JobState::running);
+}
+
 TEST(Scheduler, MemoryLimitsHowManyFramesRun) {
   Farm farm;
   farm.needs = {kGiB, kGiB, 9 * kGiB, 5, 1};  // half of the larger host

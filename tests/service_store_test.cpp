@@ -1,6 +1,8 @@
 // What outlives the service, and the JSON that it is kept as.
 #include <gtest/gtest.h>
 
+#include <sqlite3.h>
+
 #include <filesystem>
 #include <fstream>
 
@@ -19,18 +21,19 @@ Job some_job(std::uint64_t id) {
   Job job;
   job.id = id;
   job.request = read_request(parse_json(R"({"scene": "s", "files": ["a.pbrt", "b/c.pbrt"], "name": "n\u00e4me", "priority": -3, "retries": 5,
-    "timeout_s": 7.5, "budget": 2, "on_budget": "ask", "options": {"spp": 16, "max_depth": 0, "seed": 4294967295, "resolution": [640, 480],
+    "timeout_s": 7.5, "budget": 2, "on_budget": "ask", "deadline": "2h", "options": {"spp": 16, "max_depth": 0, "seed": 4294967295, "resolution": [640, 480],
     "crop": [0, 0.5, 0.25, 1], "max_error": 0.01, "integrator": "path", "dialect": "v3", "part_size": 1048576}})"), "ann");
   job.state = JobState::running;
   job.reason = "why";
   job.submitted = 1.5;
+  job.deadline = job.request.deadline->at(job.submitted);
   job.started = 2.25;
   for (const std::string& file : job.request.files) {
     job.frames.emplace_back();
     job.frames.back().file = file;
   }
   job.frames[1].state = FrameState::failed;
-  job.frames[1].needs = FrameNeeds{1, 2, 3, 4, 5};
+  job.frames[1].needs = FrameNeeds{1, 2, 3, 4, 5, 6, 7};
   job.frames[1].usage = {1, 2, 3, 4, 5, 6};
   return job;
 }
@@ -61,6 +64,28 @@ TEST(ServiceStore, KeepsJobsAsTheyAre) {
   EXPECT_EQ(store.meters().begin()->second.host_s, 5);
   store.forget_meters(12);
   EXPECT_TRUE(store.meters().empty());
+}
+
+TEST(ServiceStore, TakesWhatAnOlderServiceHasKept) {
+  Json json = to_json(some_job(7));
+  ASSERT_TRUE(json.erase("deadline_at"));
+  ASSERT_TRUE(json["frames"][1]["needs"].erase("pixels") && json["frames"][1]["needs"].erase("spp"));
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/db";
+  {
+    Store store(path);
+    sqlite3* db = nullptr;
+    ASSERT_EQ(sqlite3_open(path.c_str(), &db), SQLITE_OK);
+    char* sql = sqlite3_mprintf("INSERT INTO jobs VALUES (7, 'ann', 'running', %Q)", dump(json).c_str());
+    EXPECT_EQ(sqlite3_exec(db, sql, nullptr, nullptr, nullptr), SQLITE_OK);
+    sqlite3_free(sql);
+    sqlite3_close(db);
+  }
+  const std::vector<Job> jobs = Store(path).jobs();
+  ASSERT_EQ(jobs.size(), 1u);
+  EXPECT_FALSE(jobs[0].deadline);
+  EXPECT_EQ(jobs[0].frames[1].needs->triangles, 5u);
+  EXPECT_EQ(jobs[0].frames[1].needs->pixels, 0u);
 }
 
 TEST(ServiceStore, KnowsWhatEachUserHas) {
@@ -109,6 +134,7 @@ TEST(ServiceJson, RequestsThatCannotBeAreRefused) {
                            R"({"scene": "s", "files": ["a"], "priority": 11})", R"({"scene": "s", "files": ["a"], "priority": 1.5})",
                            R"({"scene": "s", "files": ["a"], "priority": 18446744073709551615})", R"({"scene": "s", "files": ["a"], "retries": -1})",
                            R"({"scene": "s", "files": ["a"], "timeout_s": 0})", R"({"scene": "s", "files": ["a"], "name": "a\nb"})",
+                           R"({"scene": "s", "files": ["a"], "deadline": "soon"})", R"({"scene": "s", "files": ["a"], "deadline": 3600})",
                            R"({"scene": "s", "files": ["a"], "options": {"spp": 0}})", R"({"scene": "s", "files": ["a"], "options": {"spp": "4"}})",
                            R"({"scene": "s", "files": ["a"], "options": {"resolution": [0, 5]}})",
                            R"({"scene": "s", "files": ["a"], "options": {"resolution": [5]}})",
@@ -158,8 +184,41 @@ TEST(ServicePrices, AreByKind) {
   EXPECT_EQ(prices.currency(), "EUR");
   EXPECT_EQ(prices.an_hour("small"), 0.04);
   EXPECT_EQ(prices.an_hour("unknown"), 0.1);
-  std::ofstream(path) << R"({"kinds": {"small": -1}})";
-  EXPECT_THROW(PriceTable::read(path), UsageError);
+  for (const char* bad : {R"({"kinds": {"small": -1}})", R"({"kinds": {"big": {"threads": 8}}})", R"({"kinds": {"big": {"price": 1, "threads": 0}}})",
+                          R"({"kinds": {"big": {"price": 1, "min": 3, "max": 2}}})", R"({"kinds": {"big": {"price": 1, "gpu": 2}}})"}) {
+    std::ofstream(path) << bad;
+    EXPECT_THROW(PriceTable::read(path), UsageError) << bad;
+  }
+  std::ofstream(path) << R"({"kinds": {"big": {"price": 2, "threads": 8, "memory_gib": 1.5, "speed": 1.25, "min": 1, "max": 4}, "small": 1}})";
+  const PriceTable kinds = PriceTable::read(path);
+  EXPECT_EQ(kinds.an_hour("big"), 2);
+  const PriceTable::Kind& big = kinds.kinds().at("big");
+  EXPECT_EQ(big.threads, 8u);
+  EXPECT_EQ(big.memory, std::uint64_t{3} << 29);
+  EXPECT_EQ(big.speed, 1.25);
+  EXPECT_EQ(big.least, 1u);
+  EXPECT_EQ(big.most, 4u);
+  EXPECT_FALSE(kinds.kinds().at("small").most);
+}
+
+TEST(ServiceDeadline, IsADurationOrATime) {
+  const auto at = [](const char* text) {
+    const auto deadline = parse_deadline(text);
+    return deadline ? deadline->at(1000) : -1;
+  };
+  EXPECT_EQ(at("90"), 1090);
+  EXPECT_EQ(at("90s"), 1090);
+  EXPECT_EQ(at("1.5h"), 6400);
+  EXPECT_EQ(at("2m"), 1120);
+  EXPECT_EQ(at("1d"), 87400);
+  EXPECT_EQ(at("2026-03-01T18:00:00Z"), 1772388000);
+  EXPECT_EQ(at("2026-03-01T18:00Z"), 1772388000);
+  EXPECT_EQ(at("2026-03-01T19:30:00+01:30"), 1772388000);
+  EXPECT_EQ(at("2026-03-01 15:00:00-0300"), 1772388000);
+  EXPECT_EQ(at("2024-02-29T00:00:00Z"), 1709164800);
+  for (const char* bad : {"", "s", "-5", "0", "0h", "1e3", "1w", "1h ", " 1h", "nan", "inf", "99999999d", "2026-02-29T00:00:00Z", "2026-13-01T00:00:00Z",
+                          "2026-03-01T24:00:00Z", "2026-03-01T18:00:00", "2026-03-01", "2026-03-01T18:00:00Zx", "2026-03-01T18:00:00+1", "18:00"})
+    EXPECT_EQ(at(bad), -1) << bad;
 }
 
 TEST(ServiceMeter, AHostsTimeIsSharedOutOnce) {

@@ -4,7 +4,8 @@ add_test(NAME tools.check_layers_finds
   COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/layers/check_layers_test.py)
 add_test(NAME tools.generate_scene
   COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_generate_scene_test.py $<TARGET_FILE:generate_scene>)
-set_tests_properties(tools.check_layers tools.check_layers_finds tools.generate_scene
+add_test(NAME tools.scale_hosts COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_scale_hosts_test.py)
+set_tests_properties(tools.check_layers tools.check_layers_finds tools.generate_scene tools.scale_hosts
   PROPERTIES LABELS unit TIMEOUT 60)
 # Instructions, by valgrind's callgrind; skipped aloud without it.
 if(TARGET cloudrenderer)

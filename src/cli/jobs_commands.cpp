@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/size.h"
 
 namespace cloudrenderer {
 namespace {
@@ -23,10 +24,25 @@ std::string usage_text(const Json& usage, const std::string& currency) {
   return out;
 }
 
+int show_hosts(ServiceClient& client) {
+  fmt::print("{:<20} {:<12} {:>7} {:>10} {:>10}\n", "host", "kind", "threads", "memory", "used");
+  for (const Json& h : client.get("/v1/hosts"))
+    fmt::print("{:<20} {:<12} {:>7} {:>10} {:>10}\n", text(h, "name"), text(h, "kind"), h.at("threads").get<std::uint64_t>(),
+               format_size(h.at("memory").get<std::uint64_t>()), format_size(h.at("memory_used").get<std::uint64_t>()));
+  const Json w = client.get("/v1/hosts/wanted");
+  for (const Json& k : w.at("kinds"))
+    fmt::print("{}: {} wanted, {} there\n", text(k, "kind").empty() ? "any kind" : "kind " + text(k, "kind"), k.at("wanted").get<std::uint64_t>(),
+               k.at("there").get<std::uint64_t>());
+  for (const Json& r : w.at("reasons")) fmt::print("  {}\n", text(r, "text"));
+  for (const Json& h : w.at("surplus")) fmt::print("may be ended: {}\n", text(h, "name"));
+  return kDone;
+}
+
 }  // namespace
 
 int run_status(const StatusOptions& o) {
   ServiceClient client(o.service);
+  if (o.hosts) return show_hosts(client);
   const std::string currency = text(client.get("/v1/usage"), "currency");
   if (o.job == 0) {
     fmt::print("{:>6}  {:<10} {:>8}  {:>9}  {:<12} {}\n", "job", "state", "frames", "cpu_s", "user", "name");
@@ -39,6 +55,8 @@ int run_status(const StatusOptions& o) {
   }
   const Json j = client.get(job_path(o.job));
   fmt::print("job {} \"{}\" is {}{}\n", o.job, text(j, "name"), text(j, "state"), text(j, "reason").empty() ? "" : ": " + text(j, "reason"));
+  if (const Json& deadline = j.at("deadline_at"); !deadline.is_null())
+    fmt::print("wanted by {:%Y-%m-%d %H:%M:%S}\n", fmt::localtime(static_cast<std::time_t>(deadline.get<double>())));
   fmt::print("{}\n", usage_text(j.at("usage"), currency));
   for (const Json& f : j.at("frames")) {
     std::string more = text(f, "reason").empty() ? "" : ": " + text(f, "reason");

@@ -85,6 +85,7 @@ struct SubmitOptions {
 struct StatusOptions {
   ServiceAddress service;
   std::uint64_t job = 0;  // 0: all
+  bool hosts = false;     // hosts instead of jobs
 };
 struct FetchOptions {
   ServiceAddress service;

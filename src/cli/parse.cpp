@@ -264,7 +264,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   add_render(manager_app, manager, t, integrator);
   manager_app.add_option("--listen", t.listen, "ADDR:PORT to listen on")->required();
   manager_app.add_option("--min-hosts", t.min_hosts,
-                         "workers to wait for before the start (default 1)");
+                         "workers to wait for before the start (default 1); with --serve: hosts that are always wanted (default 0)");
   manager_app.add_option("--wait", t.wait, "give up after so many seconds without a worker");
   manager_app.add_option("--lost-after", t.lost_after,
                          "seconds of silence after which a worker is lost (default 3)");
@@ -358,9 +358,11 @@ Command parse_command_line(int argc, const char* const* argv) {
   if (manager_app.parsed()) {
     read_tls(t, manager.request.tls);
     const Address listen = Address::parse(t.listen);
+    if (!t.lost_after.empty())
+      manager.request.lost_after_s = at_least<double>("--lost-after", t.lost_after, 0.1);
     if (service.serves()) {
       if (!manager.request.scene.empty()) throw UsageError("--serve takes no scene: users submit them");
-      return service.read_serve(listen, manager);
+      return service.read_serve(listen, manager, t.min_hosts);
     }
     need_scene(manager);
     read_render(t, integrator, manager);
@@ -369,8 +371,6 @@ Command parse_command_line(int argc, const char* const* argv) {
     if (!t.min_hosts.empty())
       manager.request.min_hosts = at_least<std::uint32_t>("--min-hosts", t.min_hosts, 1);
     if (!t.wait.empty()) manager.request.wait_s = at_least<double>("--wait", t.wait, 0);
-    if (!t.lost_after.empty())
-      manager.request.lost_after_s = at_least<double>("--lost-after", t.lost_after, 0.1);
     return manager;
   }
   if (worker_app.parsed()) {

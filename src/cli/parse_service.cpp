@@ -13,11 +13,12 @@ struct ServiceCommands::Given {
   CLI::App *submit = nullptr, *status = nullptr, *fetch = nullptr, *cancel = nullptr, *resume = nullptr, *logs = nullptr;
   std::string url, token_file, authority;
   std::vector<std::string> scenes;
-  std::string name, priority, retries, timeout, budget, on_budget, job, frame, output;
+  std::string name, priority, retries, timeout, budget, on_budget, deadline, job, frame, output;
   std::string spp, max_depth, seed, max_error, resolution, crop, integrator, dialect, part_size;
-  bool wait = false, quiet = false;
+  bool wait = false, quiet = false, hosts = false;
   // manager --serve
   std::string folder, api, users, prices, advertise, jobs_at_once, patience, user_bytes, child_memory;
+  std::string max_hosts, host_start, host_worth, host_idle;
 
   void add_address(CLI::App& app) {
     app.add_option("--service", url, "http://HOST:PORT of the service (default: CLOUDRENDERER_SERVICE)");
@@ -49,6 +50,7 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
   g.submit->add_option("--budget", g.budget, "money that the job may cost");
   g.submit->add_option("--on-budget", g.on_budget, "when it is used up: stop (default) or ask, which waits for resume")
       ->check(CLI::IsMember({"stop", "ask"}));
+  g.submit->add_option("--deadline", g.deadline, "when you want it: from now (90s, 45m, 2h, 1d) or a time (2026-03-01T18:00:00Z); asks for hosts");
   g.submit->add_option("--spp", g.spp, "samples per pixel");
   g.submit->add_option("--max-depth", g.max_depth, "maxdepth of the integrator");
   g.submit->add_option("--seed", g.seed, "another picture of the same scene");
@@ -66,6 +68,7 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
   g.resume = app.add_subcommand("resume", "go on with a job that its budget has stopped");
   g.logs = app.add_subcommand("logs", "what happened to a job, or in a frame");
   g.status->add_option("job", g.job, "number of a job (default: a list of all)");
+  g.status->add_flag("--hosts", g.hosts, "instead: hosts that are there, and how many of which kind would help now");
   for (CLI::App* command : {g.fetch, g.cancel, g.resume, g.logs}) command->add_option("job", g.job, "number of the job")->required();
   g.fetch->add_option("-o,--output", g.output, "folder to write to (default: here)");
   g.resume->add_option("--budget", g.budget, "money that the job may cost from now on, what it has cost included");
@@ -84,11 +87,15 @@ void ServiceCommands::add_serve(CLI::App& manager) {
   manager.add_option("--patience", g.patience, "with --serve: seconds that a user waits for a place that others have beyond their share (default 30)");
   manager.add_option("--user-bytes", g.user_bytes, "with --serve: what a user may upload (default 100GiB)");
   manager.add_option("--child-memory", g.child_memory, "with --serve: memory of a process that reads a scene (default 4GiB)");
+  manager.add_option("--max-hosts", g.max_hosts, "with --serve: hosts that are ever wanted (default 100)");
+  manager.add_option("--host-start", g.host_start, "with --serve: seconds from wanting a host until it helps (default 60)");
+  manager.add_option("--host-worth", g.host_worth, "with --serve: work in seconds that makes a new host worth its start (default 4 times --host-start)");
+  manager.add_option("--host-idle", g.host_idle, "with --serve: seconds that a host must have been one too many before it may go (default 300)");
 }
 
 bool ServiceCommands::serves() const { return !given_->folder.empty(); }
 
-Command ServiceCommands::read_serve(const Address& listen, const RenderOptions& manager) const {
+Command ServiceCommands::read_serve(const Address& listen, const RenderOptions& manager, const std::string& min_hosts) const {
   const Given& g = *given_;
   ServeOptions o;
   o.listen = listen;
@@ -110,6 +117,14 @@ Command ServiceCommands::read_serve(const Address& listen, const RenderOptions& 
   if (!g.patience.empty()) c.scheduler.patience_s = at_least<double>("--patience", g.patience, 0);
   if (!g.user_bytes.empty()) c.user_bytes = size_option("--user-bytes", g.user_bytes);
   if (!g.child_memory.empty()) c.child_memory = size_option("--child-memory", g.child_memory);
+  ElasticLimits& e = c.elastic;
+  if (!min_hosts.empty()) e.least = at_least<std::uint32_t>("--min-hosts", min_hosts, 0);
+  if (!g.max_hosts.empty()) e.most = at_least<std::uint32_t>("--max-hosts", g.max_hosts, 1);
+  if (e.least > e.most) throw UsageError(fmt::format("--max-hosts must be at least --min-hosts, {}, got {}", e.least, e.most));
+  if (!g.host_start.empty()) e.start_s = at_least<double>("--host-start", g.host_start, 0);
+  e.worth_s = g.host_worth.empty() ? 4 * e.start_s : at_least<double>("--host-worth", g.host_worth, 0);
+  if (!g.host_idle.empty()) e.idle_s = at_least<double>("--host-idle", g.host_idle, 0);
+  e.jobs_at_once = c.scheduler.slots;
   return o;
 }
 
@@ -128,6 +143,10 @@ std::optional<Command> ServiceCommands::read() const {
     if (!g.timeout.empty()) r.timeout_s = at_least<double>("--timeout", g.timeout, 0);
     if (!g.budget.empty()) r.budget = at_least<double>("--budget", g.budget, 0);
     r.ask = g.on_budget == "ask";
+    if (!g.deadline.empty()) {
+      r.deadline = parse_deadline(g.deadline);
+      if (!r.deadline) throw UsageError("--deadline must be a time from now like 90s, 45m, 2h or 1d, or a time like 2026-03-01T18:00:00Z, got '" + g.deadline + "'");
+    }
     RenderSettings& s = r.settings;
     if (!g.spp.empty()) s.spp = at_least<std::uint32_t>("--spp", g.spp, 1);
     if (!g.max_depth.empty()) s.max_depth = at_least<std::uint32_t>("--max-depth", g.max_depth, 0);
@@ -145,7 +164,10 @@ std::optional<Command> ServiceCommands::read() const {
     if (!g.part_size.empty()) s.part_size = size_option("--part-size", g.part_size);
     return o;
   }
-  if (g.status->parsed()) return StatusOptions{g.address(), g.job.empty() ? 0 : g.job_number()};
+  if (g.status->parsed()) {
+    if (g.hosts && !g.job.empty()) throw UsageError("status --hosts is of the service, not of a job");
+    return StatusOptions{g.address(), g.job.empty() ? 0 : g.job_number(), g.hosts};
+  }
   if (g.fetch->parsed()) return FetchOptions{g.address(), g.job_number(), g.output};
   if (g.cancel->parsed()) return CancelOptions{g.address(), g.job_number()};
   if (g.resume->parsed()) {

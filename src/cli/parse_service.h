@@ -18,7 +18,7 @@ class ServiceCommands {
   void add_serve(CLI::App& manager);
   bool serves() const;
   // What `manager --serve` shares with a manager of one scene comes from there.
-  Command read_serve(const Address& listen, const RenderOptions& manager) const;
+  Command read_serve(const Address& listen, const RenderOptions& manager, const std::string& min_hosts) const;
   std::optional<Command> read() const;  // none: it is another command
 
  private:

@@ -9,6 +9,7 @@
 #include "cli/size.h"
 #include "cluster/job_start.h"
 #include "cluster/processes.h"
+#include "integrator/job.h"
 
 namespace cloudrenderer {
 
@@ -24,11 +25,22 @@ void write_needs(const Manifest& m, const std::string& path) {
     largest = std::max(largest, bytes);
   }
   for (const PrototypeInfo& p : m.prototypes) all += p.loaded_bytes;
+  std::uint64_t pixels = 0;
+  std::uint32_t spp = 0;
+  try {
+    Warnings none;
+    const JobSettings settings = job_settings(m.scene, {}, none);
+    pixels = settings.film.frame.pixels();
+    spp = settings.spp;
+  } catch (const std::exception&) {  // the render's to say, which may be told other settings
+  }
   const nlohmann::ordered_json json = {{"main_bytes", m.parts.empty() ? 0 : m.parts[0].loaded_bytes},
                                        {"largest_bytes", largest},
                                        {"bytes", all},
                                        {"parts", m.parts.size()},
-                                       {"triangles", m.total_triangles}};
+                                       {"triangles", m.total_triangles},
+                                       {"pixels", pixels},
+                                       {"spp", spp}};
   std::ofstream out(path);
   out << json.dump(1) << "\n";
   if (!out.flush()) throw std::runtime_error("cannot write the report " + path);

@@ -150,6 +150,7 @@ const std::vector<Route>& table() {
       {"GET", "/v1/jobs/{job}/frames/{frame}/picture.exr", [](const Call& c) { send_picture(c, "picture.exr"); }},
       {"GET", "/v1/jobs/{job}/frames/{frame}/picture.png", send_png},
       {"GET", "/v1/hosts", [](const Call& c) { answer(c, c.service.hosts()); }},
+      {"GET", "/v1/hosts/wanted", [](const Call& c) { answer(c, c.service.hosts_wanted(c.caller)); }},
       {"GET", "/v1/usage", [](const Call& c) { answer(c, c.service.usage(c.caller)); }},
       {"GET", "/v1/metrics",
        [](const Call& c) { c.response.set_content(c.service.metrics(c.caller), "text/plain; version=0.0.4; charset=utf-8"); }},

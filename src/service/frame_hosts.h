@@ -24,6 +24,7 @@ struct ServiceHost {
   std::uint64_t memory = 0, memory_used = 0;
   double cpu_s = 0;  // since it came
   bool here = true;
+  std::uint32_t working = 0;  // frames that it works for now
   // By frame, since it came; without rays and cost. host_s is the time that it has worked for the frame, shared with
   // others or not.
   std::map<FrameRef, Usage> used;

@@ -32,6 +32,16 @@ struct RenderSettings {
   bool operator==(const RenderSettings&) const = default;
 };
 
+// By when the user wants a job; it asks for hosts, and is not enforced.
+struct Deadline {
+  double seconds = 0;
+  bool from_now = false;  // from the submission; else Unix time
+  std::string text;       // as it was given
+  double at(double now) const { return from_now ? now + seconds : seconds; }
+};
+// "90", "30s", "45m", "2h", "1d" or an ISO 8601 time, "2026-03-01T18:00:00Z" or with an offset like +01:00.
+std::optional<Deadline> parse_deadline(const std::string& text);
+
 struct JobRequest {
   std::string name, user, scene;   // the id of a scene of the user
   std::vector<std::string> files;  // of the scene, one a frame
@@ -40,6 +50,7 @@ struct JobRequest {
   std::optional<double> timeout_s;  // of a try of a frame
   std::optional<double> budget;     // money; the job stops when it is used up
   bool ask = false;                 // beyond the budget: wait for `resume` instead of failing
+  std::optional<Deadline> deadline;
   RenderSettings settings;
 };
 
@@ -48,6 +59,8 @@ struct FrameNeeds {
   std::uint64_t main_bytes = 0, largest_bytes = 0, bytes = 0;  // main scene; largest part with what its build takes; all
   std::uint32_t parts = 0;
   std::uint64_t triangles = 0;
+  std::uint64_t pixels = 0;  // of the picture and samples of each, as the scene says; 0: not known
+  std::uint32_t spp = 0;
   std::uint64_t least() const { return main_bytes + largest_bytes; }
 };
 
@@ -69,6 +82,7 @@ struct Job {
   std::string reason;
   bool over_budget = false;  // why it is paused or has failed: it can be resumed
   double submitted = 0;
+  std::optional<double> deadline;  // Unix time
   std::optional<double> started, ended;
   std::vector<JobFrame> frames;
   Usage usage() const;  // of all frames

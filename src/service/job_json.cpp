@@ -76,7 +76,7 @@ Json frame_json(const JobFrame& f, std::size_t index) {
   Json needs = nullptr;
   if (f.needs)
     needs = {{"main_bytes", f.needs->main_bytes}, {"largest_bytes", f.needs->largest_bytes}, {"bytes", f.needs->bytes},
-             {"parts", f.needs->parts}, {"triangles", f.needs->triangles}};
+             {"parts", f.needs->parts}, {"triangles", f.needs->triangles}, {"pixels", f.needs->pixels}, {"spp", f.needs->spp}};
   return {{"frame", index},
           {"file", f.file},
           {"state", name(f.state)},
@@ -96,8 +96,7 @@ JobFrame frame_from(const Json& json) {
   f.attempts = json.at("attempts");
   f.started = optional_of<double>(json, "started_at");
   f.ended = optional_of<double>(json, "ended_at");
-  if (const Json& n = json.at("needs"); !n.is_null())
-    f.needs = FrameNeeds{n.at("main_bytes"), n.at("largest_bytes"), n.at("bytes"), n.at("parts"), n.at("triangles")};
+  if (const Json& n = json.at("needs"); !n.is_null()) f.needs = needs_from_json(n);
   f.usage = usage_from(json.at("usage"));
   return f;
 }
@@ -203,6 +202,10 @@ JobRequest read_request(const Json& body, const std::string& user) {
   const auto beyond = f.text("on_budget", 8);
   if (beyond && *beyond != "stop" && *beyond != "ask") throw ApiError(422, "on_budget must be stop or ask");
   r.ask = beyond == "ask";
+  if (const auto text = f.text("deadline", 64)) {
+    r.deadline = parse_deadline(*text);
+    if (!r.deadline) throw ApiError(422, "deadline must be a time from now like 90s, 45m, 2h or 1d, or an ISO 8601 time like 2026-03-01T18:00:00Z");
+  }
   if (const Json* options = f.any("options")) r.settings = read_settings(*options);
   f.finish();
   return r;
@@ -234,6 +237,7 @@ Json to_json(const JobRequest& r) {
           {"timeout_s", or_null(r.timeout_s)},
           {"budget", or_null(r.budget)},
           {"on_budget", r.ask ? "ask" : "stop"},
+          {"deadline", r.deadline ? Json(r.deadline->text) : Json(nullptr)},
           {"options", to_json(r.settings)}};
 }
 
@@ -259,10 +263,17 @@ Json to_json(const Job& job) {
           {"on_budget", r.ask ? "ask" : "stop"},
           {"options", to_json(r.settings)},
           {"submitted_at", job.submitted},
+          {"deadline_at", or_null(job.deadline)},
           {"started_at", or_null(job.started)},
           {"ended_at", or_null(job.ended)},
           {"usage", to_json(job.usage())},
           {"frames", std::move(frames)}};
+}
+
+// Splits of older services do not say how large the picture is.
+FrameNeeds needs_from_json(const Json& n) {
+  return {n.at("main_bytes"), n.at("largest_bytes"), n.at("bytes"), n.at("parts"), n.at("triangles"), n.value("pixels", std::uint64_t{0}),
+          n.value("spp", std::uint32_t{0})};
 }
 
 Job job_from_json(const Json& json) {
@@ -272,6 +283,7 @@ Job job_from_json(const Json& json) {
   job.reason = json.at("reason");
   job.over_budget = json.at("over_budget");
   job.submitted = json.at("submitted_at");
+  job.deadline = optional_of<double>(json, "deadline_at");  // a job of an older service has none
   job.started = optional_of<double>(json, "started_at");
   job.ended = optional_of<double>(json, "ended_at");
   JobRequest& r = job.request;

@@ -29,6 +29,7 @@ Json to_json(const JobRequest& request);  // what read_request takes
 Json to_json(const Usage& usage);
 Json to_json(const Job& job);
 Job job_from_json(const Json& json);  // what to_json gave
+FrameNeeds needs_from_json(const Json& json);  // as `split --report` writes them, and to_json a frame's
 
 // Fields of an object by their names, each wanted with a type and range; finish() refuses what nobody asked for.
 class Fields {

@@ -49,7 +49,7 @@ std::map<std::uint64_t, ServiceHost> PoolHosts::hosts() const {
     h.cpu_s = host.cpu_s;
     h.here = !host.left_s && !host.leaving;
     for (const auto& [name, use] : host.jobs)
-      if (const auto ref = frame_of(prefix_, name))
+      if (const auto ref = frame_of(prefix_, name); h.working += use.working, ref)
         h.used[*ref] = {use.cpu_s, use.memory_byte_s, static_cast<double>(use.bytes_sent), 0, use.host_s, 0};
   }
   return out;

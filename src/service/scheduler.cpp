@@ -60,6 +60,7 @@ Result<std::uint64_t> Scheduler::submit(JobRequest request, double now) {
     job.frames.emplace_back();
     job.frames.back().file = file;
   }
+  if (request.deadline) job.deadline = request.deadline->at(now);
   job.request = std::move(request);
   changed_.insert(job.id);
   const std::uint64_t id = job.id;
@@ -142,7 +143,7 @@ void Scheduler::split_ended(FrameRef ref, const FrameEnd& end, const FrameNeeds&
   }
   f.needs = needs;
   f.state = FrameState::ready;
-  if (!hosts_.empty() && needs.least() > largest_host()) {
+  if (!hosts_.empty() && needs.least() > std::max(largest_host(), largest_to_come_)) {
     f.reason = fmt::format(
         "it cannot fit: the main scene takes {}, its largest part {} while it is loaded, and the largest of {} hosts has {}; smaller parts "
         "(part_size) may help",

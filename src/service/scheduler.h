@@ -48,6 +48,8 @@ class Scheduler {
   void set_users(std::map<std::string, UserLimits> users) { users_ = std::move(users); }
   // Memory of the hosts that are there, bytes.
   void set_hosts(std::vector<std::uint64_t> memory) { hosts_ = std::move(memory); }
+  // Memory of the largest host that can be asked for: what fits there waits for it.
+  void set_largest_to_come(std::uint64_t memory) { largest_to_come_ = memory; }
   // A job from an earlier life of the service: what ran goes on from its checkpoint.
   void restore(Job job);
 
@@ -113,6 +115,7 @@ class Scheduler {
   const Options options_;
   std::map<std::string, UserLimits> users_;
   std::vector<std::uint64_t> hosts_;
+  std::uint64_t largest_to_come_ = 0;
   std::map<std::uint64_t, Job> jobs_;
   std::map<FrameRef, Run> running_;
   std::set<FrameRef> splitting_;

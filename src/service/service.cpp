@@ -84,7 +84,9 @@ Service::Service(ServiceConfig config, Users users, std::optional<PriceTable> pr
       blobs_(config_.folder),
       store_(config_.folder + "/service.db"),
       scheduler_(config_.scheduler),
-      hosts_(hosts(store_.identity())) {
+      hosts_(hosts(store_.identity())),
+      steady_hosts_(config_.elastic),
+      progress_(config_.token) {
   for (const char* name : {"scenes", "splits", "jobs"}) fs::create_directories(config_.folder + "/" + name);
   for (Job& job : store_.jobs()) scheduler_.restore(std::move(job));
   metered_ = store_.meters();  // hosts outlive the service, and go on with their sums
@@ -144,6 +146,7 @@ void Service::step(double now) {
   for (const auto& [id, host] : host_view_)
     if (host.here) memory.push_back(host.memory);
   scheduler_.set_hosts(std::move(memory));
+  plan_hosts(now);
   scheduler_.tick(now);
   keep(now);  // before what follows from it: a service that dies here knows what it was about to do
   for (const Scheduler::Action& action : scheduler_.take_actions()) act(action, now);
@@ -308,8 +311,7 @@ void Service::split_ended(FrameRef ref, const Child& child, int status, double n
   if (end.how == FrameEnd::How::done) {
     try {
       if (!fs::exists(out)) fs::rename(unfinished, out);
-      const Json json = parse_json(file_text(out + "/needs.json"));
-      needs = {json.at("main_bytes"), json.at("largest_bytes"), json.at("bytes"), json.at("parts"), json.at("triangles")};
+      needs = needs_from_json(parse_json(file_text(out + "/needs.json")));
     } catch (const std::exception& e) {
       end = {FrameEnd::How::failed, std::string("its split cannot be used: ") + e.what()};
     }

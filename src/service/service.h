@@ -10,12 +10,15 @@
 #include <string>
 
 #include "net/tls.h"
+#include "service/elastic.h"
 #include "service/frame_hosts.h"
+#include "service/frame_progress.h"
 #include "service/prices.h"
 #include "service/scene_files.h"
 #include "service/scheduler.h"
 #include "service/store.h"
 #include "service/users.h"
+#include "web/metric_families.h"
 
 namespace cloudrenderer {
 
@@ -27,6 +30,7 @@ struct ServiceConfig {
   TlsOptions tls;
   bool allow_inexact = false;
   Scheduler::Options scheduler;
+  ElasticLimits elastic;
   std::uint64_t child_memory = std::uint64_t{4} << 30;  // of a process that splits, or manages a frame
   std::uint64_t child_disk = std::uint64_t{1} << 40;    // of a file that it writes
   double split_timeout_s = 3600;
@@ -71,6 +75,7 @@ class Service {
   std::string frame_window(const Caller& caller, std::uint64_t id, std::uint64_t frame);
 
   Json hosts();
+  Json hosts_wanted(const Caller& caller);  // with reasons of the caller's own jobs
   Json usage(const Caller& caller);
   std::string metrics(const Caller& caller);
   const std::string& token() const { return config_.token; }
@@ -99,6 +104,8 @@ class Service {
   void frame_ended(FrameRef ref, const Child& child, int status, double now);
   void meter();
   void give_orders();
+  void plan_hosts(double now);
+  void add_wanted(Families& families) const;
   void keep(double now);
   void note(std::uint64_t job, const std::string& text, double now);
 
@@ -117,6 +124,12 @@ class Service {
   std::map<std::uint64_t, std::string> states_;                  // of jobs, when last noted
   std::set<std::uint64_t> dirty_;  // jobs that have changed since they were kept
   double users_read_ = 0, kept_ = 0;
+  SteadyHosts steady_hosts_;
+  std::map<std::string, HostKind> seen_kinds_;
+  HostsWanted hosts_wanted_;
+  std::vector<ElasticHost> planned_hosts_;  // that hosts_wanted_ speaks of
+  double planned_ = 0;
+  ProgressWatch progress_;
 };
 
 }  // namespace cloudrenderer

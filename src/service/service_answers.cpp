@@ -6,7 +6,6 @@
 #include <fstream>
 
 #include "service/service.h"
-#include "web/metric_families.h"
 
 namespace cloudrenderer {
 namespace {
@@ -99,6 +98,7 @@ Json Service::submit(const Caller& caller, const Json& body) {
   for (const std::string& file : request.files)
     if (!known.contains(file)) throw ApiError(422, "the scene has no file '" + file.substr(0, 200) + "'");
   const double now = unix_time();
+  if (request.deadline && request.deadline->at(now) <= now) throw ApiError(422, "deadline must lie ahead; it is past");
   const Result<std::uint64_t> id = scheduler_.submit(std::move(request), now);
   if (!id) throw ApiError(429, id.error());
   keep(now);  // what is answered is kept
@@ -233,6 +233,7 @@ std::string Service::metrics(const Caller& caller) {
   std::size_t hosts = 0;
   for (const auto& [id, h] : host_view_) hosts += h.here;
   f.gauge("cloudrenderer_service_hosts", "Hosts that are there", number(hosts));
+  add_wanted(f);
   for (const auto& [state, n] : jobs) f.gauge("cloudrenderer_service_jobs", "Jobs, by state", number(n), {{"state", state}});
   for (const auto& [state, n] : frames) f.gauge("cloudrenderer_service_frames", "Frames, by state", number(n), {{"state", state}});
   for (const auto& [user, u] : scheduler_.usage()) {

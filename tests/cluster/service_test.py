@@ -36,10 +36,10 @@ class Service(support.ClusterTest):
             if folder.is_dir() and not folder.is_symlink():
                 folder.chmod(0o755)
 
-    def serve(self, workers=2, memory="64MiB"):
+    def serve(self, workers=2, memory="64MiB", *options):
         self.service = self.start("service", "manager", "--serve", self.folder / "data", "--listen", f"127.0.0.1:{self.pool_port}", "--api",
                                   f"127.0.0.1:{self.api_port}", "--users", self.folder / "users.json", "--prices", self.folder / "prices.json",
-                                  "--log-level", "info")
+                                  "--log-level", "info", *options)
         self.assertTrue(support.wait_until_listening(self.api_port), self.service.text())
         for i in range(workers):
             self.start_worker(f"worker{i}", self.pool_port, 0, memory)

@@ -105,6 +105,30 @@ class Slurm(support.ClusterTest):
         self.assertEqual(self.finish(wrong), 2, self.texts(wrong))
         self.end()
 
+    def test_a_service_gets_its_hosts_as_tasks_of_arrays(self):
+        """tools/scale_hosts.py submits docker/slurm/worker.sbatch as hosts are wanted, and ends the tasks when they are not."""
+        farm, api, picture = self.farm, "http://127.0.0.1:8080", self.folder / "pictures" / f"{support.SCENE.stem}.exr"
+        (self.folder / "token").write_text("of the test\n")
+        (self.folder / "token").chmod(0o600)
+        farm.environment |= {"CLOUDRENDERER_TOKEN_FILE": str(self.folder / "token"), "CLOUDRENDERER_SERVICE": api, "CLOUDRENDERER_USER_TOKEN": "of the test"}
+        program, manager = support.PROGRAM.resolve(), f"{slurm_farm.ADDRESS}:7000"
+        farm.daemon(program, "manager", "--serve", self.folder / "data", "--listen", manager, "--api", api.removeprefix("http://"), "--token-file",
+                    self.folder / "token", "--min-hosts", 0, "--max-hosts", slurm_farm.NODES, "--host-start", 1, "--host-worth", 0.5, "--host-idle", 2, name="service")
+        farm.wait("the service answers", lambda: "nothing to do" in farm.output(program, "status", "--hosts"))
+        farm.daemon(sys.executable, support.ROOT / "tools" / "scale_hosts.py", "slurm", "--manager", manager, "--every", 0.5,
+                    f"--output={self.folder}/worker-%A-%a.log", name="scaler")
+        farm.output(program, "submit", "--quiet", support.SCENE, "--spp", self.known["spp"], "--resolution", SIZE, "--part-size", "300KiB")
+        there = lambda n: f"{slurm_farm.NODES if n else 0} wanted, {n} there" in farm.output(program, "status", "--hosts")  # noqa: E731
+        farm.wait("all nodes are hosts", lambda: there(slurm_farm.NODES))
+        farm.wait("the job is done", lambda: " done " in farm.output(program, "status"), 180)
+        farm.wait("the hosts have gone", lambda: there(0))
+        farm.wait("Slurm has no tasks", lambda: not farm.output("squeue", "--noheader").strip())
+        farm.output(program, "fetch", 1, "-o", picture.parent)
+        self.assertTrue(np.array_equal(measure.read_rgb(picture), self.known["wanted"]), "the picture differs from one host's")
+        ends = {self.job(task)["ExitCode"] for task in re.findall(r"JobId=(\d+)", farm.output("scontrol", "show", "job"))}
+        self.assertEqual(ends, {"0:0"}, farm.logs())
+        self.end()
+
 
 if __name__ == "__main__":
     reason = slurm_farm.why_not()
