@@ -1,7 +1,5 @@
 #include "service/trash.h"
 
-#include <unistd.h>
-
 #include <filesystem>
 
 #include "base/log.h"
@@ -47,7 +45,11 @@ void Trash::take(const std::string& path) {
   if (fs::is_directory(fs::symlink_status(from, failed))) fs::permissions(from, fs::perms::owner_all, failed);
   {
     const std::lock_guard lock(mutex_);
-    fs::rename(from, folder_ + "/" + std::to_string(getpid()) + "." + std::to_string(++taken_), failed);
+    std::string to;
+    do {
+      to = folder_ + "/" + std::to_string(++taken_);
+    } while (fs::exists(fs::symlink_status(to, failed)));  // of an earlier service
+    fs::rename(from, to, failed);
     pending_ = true;
   }
   if (failed) spdlog::warn("cannot throw {} away: {}", path, failed.message());

@@ -10,6 +10,7 @@ import support
 from support import measure
 
 SPLIT = ["--part-size", "512KiB"]
+HEAD = 'Film "image" "integer xresolution" 16 "integer yresolution" 16 Camera "perspective" WorldBegin '
 FAST = ["--spp", "4", "--resolution", "80x80", *SPLIT]
 
 
@@ -80,7 +81,7 @@ class Service(service_support.ServiceTest):
 
     def test_scenes_that_cannot_be_and_jobs_that_are_ended(self):
         self.serve(1, memory="32MiB")
-        head = 'Film "image" "integer xresolution" 16 "integer yresolution" 16 Camera "perspective" WorldBegin '
+        head = HEAD
         broken = self.write("broken.pbrt", head + '\nShape "sphere" "float radius" [-2]\nWorldEnd\n')
         secret = self.write("../secret.ply", "ply\n")
         good = self.write("good.pbrt", head + 'Shape "sphere"\nWorldEnd\n')
@@ -127,6 +128,34 @@ class Service(service_support.ServiceTest):
         self.command("ann", "resume", job, "--budget", 1000)
         state = self.wait_for_end("ann", job)
         self.assertTrue(np.array_equal(self.picture("ann", job), self.reference("ann", support.SCENE, "--spp", spp, "--resolution", "80x80", *SPLIT)))
+
+    def test_what_users_remove_and_what_is_kept_too_long_goes(self):
+        port = support.free_ports(1)[0]
+        self.SERVE = ("--log-level", "info", "--keep", "6s", "--disk", "1KiB", "--jobs-at-once", 1, "--ports", f"{port}-{port}")
+        self.serve(1)
+        scene = self.write("good.pbrt", HEAD + 'Shape "sphere"\nWorldEnd\n')
+        with socket.socket() as other:  # somebody else has the only port
+            other.bind(("127.0.0.1", port))
+            other.listen()
+            refused = self.submit("ann", scene, "--retries", 0)
+            self.assertIn(f"none of the ports {port}-{port} (--ports) is free", self.wait_for_end("ann", refused, "failed")["reason"])
+        first = self.submit("ann", scene)
+        self.wait_for_end("ann", first)
+        self.assertIn(f"listening on 127.0.0.1:{port}", self.command("ann", "logs", first, "--frame", 0))
+        used = self.ask("ann", "GET", "/v1/usage")[1]["users"][0]
+        self.assertGreater(used["service_cpu_s"], 0)
+        self.command("bob", "remove", first, code=2)
+        self.assertIn(f"job {first} is removed", self.command("ann", "remove", first))
+        self.assertEqual(self.ask("ann", "GET", f"/v1/jobs/{first}")[0], 404)
+        self.assertFalse((self.folder / "data/jobs" / str(first)).exists())
+        second = self.submit("ann", scene)
+        self.assertGreater(second, first)
+        self.wait_for_end("ann", second)
+        self.wait_for(lambda: self.ask("ann", "GET", "/v1/jobs")[1] == [], "the job is kept for ever", 20)
+        self.assertEqual(list((self.folder / "data/jobs").iterdir()), [])
+        self.wait_for(lambda: not any((self.folder / "data/splits").iterdir()), "the split is kept, which nobody needs")
+        self.wait_for(lambda: not any((self.folder / "data/trash").iterdir()), "the trash is not emptied")
+        self.assertGreaterEqual(self.ask("ann", "GET", "/v1/usage")[1]["users"][0]["cpu_s"], used["cpu_s"])
 
     def test_uploads_go_on_and_requests_are_checked(self):
         self.serve(0)
