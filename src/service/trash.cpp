@@ -70,7 +70,7 @@ void Trash::empty() {
     busy_ = true;
     lock.unlock();
     std::error_code gone;
-    for (fs::directory_iterator it(folder_, gone), end; !gone && it != end; it.increment(gone)) remove_tree(it->path());
+    for (fs::directory_iterator it(folder_, gone), end; !gone && !ending_ && it != end; it.increment(gone)) remove_tree(it->path());
     lock.lock();
     busy_ = false;
     changed_.notify_all();

@@ -1,4 +1,5 @@
 #pragma once
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
@@ -26,7 +27,8 @@ class Trash {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::uint64_t taken_ = 0;
-  bool pending_ = true, busy_ = false, ending_ = false;
+  bool pending_ = true, busy_ = false;
+  std::atomic<bool> ending_ = false;
   std::thread thread_;
 };
 
