@@ -56,6 +56,7 @@ TEST_F(ServiceCommandLine, OtherCommandsNameTheirJob) {
   EXPECT_EQ(std::get<StatusOptions>(parse({"status", "3", "--service", "http://other"})).service.url, "http://other");
   EXPECT_EQ(std::get<FetchOptions>(parse({"fetch", "3", "-o", "x"})).output, "x");
   EXPECT_EQ(std::get<CancelOptions>(parse({"cancel", "3"})).job, 3u);
+  EXPECT_EQ(std::get<RemoveOptions>(parse({"remove", "3"})).job, 3u);
   EXPECT_EQ(std::get<ResumeOptions>(parse({"resume", "3", "--budget", "7"})).budget, 7);
   EXPECT_EQ(std::get<LogsOptions>(parse({"logs", "3", "--frame", "2"})).frame, 2u);
   for (const char* command : {"fetch", "cancel", "resume", "logs"}) EXPECT_THROW(parse({command}), UsageError) << command;
@@ -72,8 +73,8 @@ TEST_F(ServiceCommandLine, OtherCommandsNameTheirJob) {
 TEST_F(ServiceCommandLine, AManagerServesOrRendersAScene) {
   const auto o = std::get<ServeOptions>(parse({"manager", "--serve", "data", "--listen", "0.0.0.0:7000", "--advertise", "farm", "--api", "127.0.0.1:1",
                                                "--users", "u", "--prices", "p", "--jobs-at-once", "2", "--patience", "5", "--user-bytes", "1GiB",
-                                               "--child-memory", "2GiB", "--tls", "on", "--lost-after", "9", "--min-hosts", "0", "--max-hosts", "6",
-                                               "--host-start", "20", "--host-idle", "30"}));
+                                               "--child-memory", "2GiB", "--tls", "on", "--lost-after", "9", "--keep", "30d", "--disk", "5GiB", "--ports", "7100-7101", "--min-hosts", "0",
+                                               "--max-hosts", "6", "--host-start", "20", "--host-idle", "30"}));
   EXPECT_EQ(o.config.folder, "data");
   EXPECT_EQ(o.config.managers_host, "farm");
   EXPECT_EQ(o.listen.port, 7000);
@@ -93,6 +94,13 @@ TEST_F(ServiceCommandLine, AManagerServesOrRendersAScene) {
   EXPECT_EQ(e.idle_s, 30);
   EXPECT_EQ(e.jobs_at_once, 2u);
   EXPECT_THROW(parse({"manager", "--serve", "data", "--listen", "127.0.0.1:7000", "--min-hosts", "101"}), UsageError) << "above --max-hosts";
+  EXPECT_EQ(o.config.rules.keep_s, 30 * 86400.0);
+  EXPECT_EQ(o.config.rules.disk, std::uint64_t{5} << 30);
+  EXPECT_EQ(o.config.manager_ports->to_string(), "7100-7101");
+  for (const char* keep : {"0", "-1d", "d", "3w", "1e99"})
+    EXPECT_THROW(parse({"manager", "--serve", "data", "--listen", "h:7000", "--keep", keep}), UsageError) << keep;
+  for (const char* ports : {"7000", "7001-7000", "a-b", "1-2-3", "0-9", "65530-65536", "7000-7002"})  // four are needed
+    EXPECT_THROW(parse({"manager", "--serve", "data", "--listen", "h:7000", "--ports", ports}), UsageError) << ports;
   EXPECT_THROW(parse({"manager", "--serve", "data", "--listen", ":7000"}), UsageError) << "workers could not find it";
   EXPECT_THROW(parse({"manager", "a.pbrt", "--serve", "data", "--listen", "127.0.0.1:7000"}), UsageError);
   EXPECT_THROW(parse({"manager", "--listen", "127.0.0.1:7000"}), UsageError) << "neither";

@@ -140,6 +140,36 @@ TEST(Scheduler, WhoHasLessOfTheirShareIsNext) {
   EXPECT_DOUBLE_EQ(cy, 2 * ann);
 }
 
+TEST(Scheduler, APartGoesToFramesThatHostsWorkForAlready) {
+  Farm farm({}, {{"ann", {}}, {"bob", {}}});
+  const auto ann = farm.submit("ann", 2), bob = farm.submit("bob");
+  farm.step();
+  ASSERT_EQ(farm.running.size(), 3u);
+  EXPECT_EQ(farm.scheduler.portions().at({ann, 0}).weight, 0.5);
+  const std::set<FrameRef> at_work{{ann, 1}, {bob, 0}};
+  const auto portions = farm.scheduler.portions(&at_work);
+  EXPECT_EQ(portions.size(), 2u);
+  EXPECT_EQ(portions.at({ann, 1}).weight, portions.at({bob, 0}).weight) << "the frame that is only starting takes nothing";
+}
+
+TEST(Scheduler, WhoHasUsedLeastLatelyIsNextAlsoAfterARestart) {
+  Farm farm({.slots = 1, .half_life_s = 100});
+  const auto first = farm.submit("ann");
+  farm.step();
+  farm.scheduler.used({first, 0}, {50, 0, 0, 0, 0, 0});
+  farm.end({first, 0});
+  farm.step();
+  Farm next({.slots = 1, .half_life_s = 100});
+  next.scheduler.restore(farm.scheduler.accounts(), farm.scheduler.next_id());
+  next.now = farm.now + 100;
+  next.submit("ann");
+  const auto bob = next.submit("bob");
+  next.step();
+  EXPECT_TRUE(next.running.contains({bob, 0}));
+  EXPECT_NEAR(next.scheduler.accounts().at("ann").used_lately, 25, 1e-9);
+  EXPECT_GT(bob, first);
+}
+
 TEST(Scheduler, PriorityGoesFirstAndHasItsLimit) {
   Farm farm({.slots = 1});
   farm.scheduler.set_users({{"ann", {1, 2, {}, 1000}}, {"bob", {1, 0, {}, 3}}});

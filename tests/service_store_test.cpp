@@ -88,6 +88,28 @@ TEST(ServiceStore, TakesWhatAnOlderServiceHasKept) {
   EXPECT_EQ(jobs[0].frames[1].needs->pixels, 0u);
 }
 
+TEST(ServiceStore, KeepsWhatUsersHaveUsed) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/db";
+  const Job job = some_job(7), other = some_job(8);
+  {
+    Store store(path);
+    EXPECT_EQ(store.next_id(), 0u);
+    store.save({&job, &other}, {}, {{"ann", {{1, 0, 0, 0, 0, 0, 7}, 2.5, 10}}}, 9, 10);
+    store.add_event(1, 7, "one");
+    store.remove_job(7, "ann", {{2, 0, 0, 0, 0, 0, 8}, 3.5, 11});
+  }
+  Store store(path);
+  EXPECT_EQ(store.next_id(), 9u);
+  EXPECT_EQ(store.jobs().size(), 1u);
+  EXPECT_TRUE(store.events(7).empty());
+  const UserAccount ann = store.accounts().at("ann");
+  EXPECT_EQ(ann.past.cpu_s, 2);
+  EXPECT_EQ(ann.past.service_cpu_s, 8);
+  EXPECT_EQ(ann.used_lately, 3.5);
+  EXPECT_EQ(ann.at, 11);
+}
+
 TEST(ServiceStore, KnowsWhatEachUserHas) {
   const TemporaryFolder folder;
   Store store(folder.path() + "/db");

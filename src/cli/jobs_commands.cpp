@@ -102,6 +102,13 @@ int run_cancel(const CancelOptions& o) {
   return kDone;
 }
 
+int run_remove(const RemoveOptions& o) {
+  ServiceClient client(o.service);
+  client.remove(job_path(o.job));
+  fmt::print("job {} is removed\n", o.job);
+  return kDone;
+}
+
 int run_resume(const ResumeOptions& o) {
   ServiceClient client(o.service);
   Json body = Json::object();

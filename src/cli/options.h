@@ -92,6 +92,10 @@ struct FetchOptions {
   std::uint64_t job = 0;
   std::string output;
 };
+struct RemoveOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+};
 struct CancelOptions {
   ServiceAddress service;
   std::uint64_t job = 0;
@@ -108,7 +112,7 @@ struct LogsOptions {
 };
 
 using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions, InfoOptions, SimulateOptions, ServeOptions,
-                             SubmitOptions, StatusOptions, FetchOptions, CancelOptions, ResumeOptions, LogsOptions, HelpText>;
+                             SubmitOptions, StatusOptions, FetchOptions, CancelOptions, RemoveOptions, ResumeOptions, LogsOptions, HelpText>;
 
 // Throws UsageError.
 Command parse_command_line(int argc, const char* const* argv);

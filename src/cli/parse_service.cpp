@@ -10,14 +10,14 @@ namespace cloudrenderer {
 
 struct ServiceCommands::Given {
   // users' commands
-  CLI::App *submit = nullptr, *status = nullptr, *fetch = nullptr, *cancel = nullptr, *resume = nullptr, *logs = nullptr;
+  CLI::App *submit = nullptr, *status = nullptr, *fetch = nullptr, *cancel = nullptr, *remove = nullptr, *resume = nullptr, *logs = nullptr;
   std::string url, token_file, authority;
   std::vector<std::string> scenes;
   std::string name, priority, retries, timeout, budget, on_budget, deadline, job, frame, output;
   std::string spp, max_depth, seed, max_error, resolution, crop, integrator, dialect, part_size;
   bool wait = false, quiet = false, hosts = false;
   // manager --serve
-  std::string folder, api, users, prices, advertise, jobs_at_once, patience, user_bytes, child_memory;
+  std::string folder, api, users, prices, advertise, jobs_at_once, patience, user_bytes, child_memory, keep, disk, ports;
   std::string max_hosts, host_start, host_worth, host_idle;
 
   void add_address(CLI::App& app) {
@@ -65,15 +65,16 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
   g.status = app.add_subcommand("status", "how far your jobs are");
   g.fetch = app.add_subcommand("fetch", "get a job's pictures");
   g.cancel = app.add_subcommand("cancel", "end a job");
+  g.remove = app.add_subcommand("remove", "forget a job that has ended, with its pictures and logs");
   g.resume = app.add_subcommand("resume", "go on with a job that its budget has stopped");
   g.logs = app.add_subcommand("logs", "what happened to a job, or in a frame");
   g.status->add_option("job", g.job, "number of a job (default: a list of all)");
   g.status->add_flag("--hosts", g.hosts, "instead: hosts that are there, and how many of which kind would help now");
-  for (CLI::App* command : {g.fetch, g.cancel, g.resume, g.logs}) command->add_option("job", g.job, "number of the job")->required();
+  for (CLI::App* command : {g.fetch, g.cancel, g.remove, g.resume, g.logs}) command->add_option("job", g.job, "number of the job")->required();
   g.fetch->add_option("-o,--output", g.output, "folder to write to (default: here)");
   g.resume->add_option("--budget", g.budget, "money that the job may cost from now on, what it has cost included");
   g.logs->add_option("--frame", g.frame, "the log of this frame, counted from 0");
-  for (CLI::App* command : {g.submit, g.status, g.fetch, g.cancel, g.resume, g.logs}) g.add_address(*command);
+  for (CLI::App* command : {g.submit, g.status, g.fetch, g.cancel, g.remove, g.resume, g.logs}) g.add_address(*command);
 }
 
 void ServiceCommands::add_serve(CLI::App& manager) {
@@ -91,6 +92,9 @@ void ServiceCommands::add_serve(CLI::App& manager) {
   manager.add_option("--host-start", g.host_start, "with --serve: seconds from wanting a host until it helps (default 60)");
   manager.add_option("--host-worth", g.host_worth, "with --serve: work in seconds that makes a new host worth its start (default 4 times --host-start)");
   manager.add_option("--host-idle", g.host_idle, "with --serve: seconds that a host must have been one too many before it may go (default 300)");
+  manager.add_option("--keep", g.keep, "with --serve: how long after their end jobs, their pictures and logs are kept, 30d for example, and scenes that no job has (default: for ever)");
+  manager.add_option("--disk", g.disk, "with --serve: what the folder may take; splits that no job needs are removed beyond it (default: no limit)");
+  manager.add_option("--ports", g.ports, "with --serve: A-B, where the frames' managers listen (default: any free ports)");
 }
 
 bool ServiceCommands::serves() const { return !given_->folder.empty(); }
@@ -125,6 +129,17 @@ Command ServiceCommands::read_serve(const Address& listen, const RenderOptions& 
   e.worth_s = g.host_worth.empty() ? 4 * e.start_s : at_least<double>("--host-worth", g.host_worth, 0);
   if (!g.host_idle.empty()) e.idle_s = at_least<double>("--host-idle", g.host_idle, 0);
   e.jobs_at_once = c.scheduler.slots;
+  if (!g.keep.empty()) c.rules.keep_s = duration_option("--keep", g.keep);
+  if (!g.disk.empty()) c.rules.disk = size_option("--disk", g.disk);
+  if (!g.ports.empty()) {
+    const auto ends = fields(g.ports, '-');
+    const auto first = number<std::uint16_t>(ends[0]), last = number<std::uint16_t>(ends.back());
+    if (ends.size() > 2 || !first || !last || *first == 0 || *first > *last)
+      throw UsageError("--ports is A-B with 1 <= A <= B <= 65535, got '" + g.ports + "'");
+    c.manager_ports = PortRange{*first, *last};
+    if (c.manager_ports->size() < c.scheduler.slots)
+      throw UsageError(fmt::format("--ports {} are {} ports; {} frames at once (--jobs-at-once) need one each", g.ports, c.manager_ports->size(), c.scheduler.slots));
+  }
   return o;
 }
 
@@ -170,6 +185,7 @@ std::optional<Command> ServiceCommands::read() const {
   }
   if (g.fetch->parsed()) return FetchOptions{g.address(), g.job_number(), g.output};
   if (g.cancel->parsed()) return CancelOptions{g.address(), g.job_number()};
+  if (g.remove->parsed()) return RemoveOptions{g.address(), g.job_number()};
   if (g.resume->parsed()) {
     ResumeOptions o{g.address(), g.job_number(), std::nullopt};
     if (!g.budget.empty()) o.budget = at_least<double>("--budget", g.budget, 0);

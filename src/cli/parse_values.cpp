@@ -14,6 +14,20 @@ std::vector<std::string> fields(const std::string& text, char separator) {
   return out;
 }
 
+double duration_option(const std::string& option, const std::string& text) {
+  constexpr std::pair<char, double> kUnits[] = {{'s', 1}, {'m', 60}, {'h', 3600}, {'d', 86400}};
+  double unit = 1;
+  std::string digits = text;
+  for (const auto& [letter, seconds] : kUnits)
+    if (text.ends_with(letter)) {
+      unit = seconds;
+      digits.pop_back();
+    }
+  const auto value = number<double>(digits);
+  if (!value || !(*value > 0 && *value <= 1e9)) throw UsageError(option + " is a time like 90s, 45m, 12h or 30d, got '" + text + "'");
+  return *value * unit;
+}
+
 std::uint64_t size_option(const std::string& option, const std::string& text) {
   try {
     return parse_size(text);

@@ -33,6 +33,7 @@ T at_least(const std::string& option, const std::string& text, T least) {
 }
 
 std::vector<std::string> fields(const std::string& text, char separator);
+double duration_option(const std::string& option, const std::string& text);  // "30", "10m", "12h", "7d": seconds
 std::uint64_t size_option(const std::string& option, const std::string& text);
 std::pair<std::uint32_t, std::uint32_t> resolution_option(const std::string& text);
 std::array<float, 4> crop_option(const std::string& text);

@@ -18,7 +18,10 @@ Meter::Thread::~Thread() {
   const Known& known = meter_.threads_.at(this);
   const double used = thread_cpu_seconds() - known.since;
   meter_.finished_cpu_s_ += used;
-  if (known.account) known.account->finished_cpu_s += used;
+  if (known.account) {
+    known.account->finished_cpu_s += used;
+    meter_.accounted_cpu_s_ += used;
+  }
   meter_.threads_.erase(this);
 }
 
@@ -47,7 +50,17 @@ void Meter::share_libraries_time() {
   if (loading_.empty() || more <= 0) return;
   for (Account* a : loading_) a->libraries_cpu_s += more / static_cast<double>(loading_.size());
   finished_cpu_s_ += more;
+  accounted_cpu_s_ += more;
   others_cpu_s_ -= more;
+}
+
+double Meter::unaccounted_cpu_s() {
+  const std::lock_guard lock(mutex_);
+  share_libraries_time();
+  double accounted = accounted_cpu_s_;
+  for (const auto& [thread, known] : threads_)
+    if (known.account) accounted += clock_seconds(known.clock) - known.since;
+  return clock_seconds(CLOCK_PROCESS_CPUTIME_ID) - accounted;
 }
 
 double Meter::loading_cpu_s(const Account& account) const {

@@ -48,6 +48,8 @@ class Meter {
   };
 
   double cpu_s(const Account& account) const;
+  // What the process has used for nobody's account: its own bookkeeping, and libraries while nobody loads.
+  double unaccounted_cpu_s();
   // Of libraries for the account so far, and of the calling thread.
   double loading_cpu_s(const Account& account) const;
 
@@ -63,6 +65,7 @@ class Meter {
   mutable std::mutex mutex_;
   std::map<const Thread*, Known> threads_;
   std::multiset<Account*> loading_;
+  double accounted_cpu_s_ = 0;  // of threads of accounts that have ended, and of libraries for accounts
   double finished_cpu_s_ = 0;  // of all threads that have ended, and what was shared out
   double others_cpu_s_ = 0;    // of unknown threads, when it was last looked at
 };

@@ -93,6 +93,7 @@ void PoolCore::receive(std::uint64_t from, const wire::Message& message, double 
 }
 
 void PoolCore::take_usage(PoolHost& host, const wire::PoolStatus& status) {
+  ++host.words;
   grow(host.cpu_s, status.cpu_s());
   host.memory_used = status.memory_used();
   grow(host.memory_peak, std::uint64_t{status.memory_peak()});

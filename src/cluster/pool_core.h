@@ -48,6 +48,7 @@ struct PoolHost {
   std::optional<double> left_s;
   bool leaving = false;  // asked to leave: it ends what it does, and takes no orders
   double cpu_s = 0;      // of the whole process since it is in a pool
+  std::uint64_t words = 0;  // that it has said of its use: where they are as many as before, nothing has changed
   std::map<std::string, PoolUsage> jobs;
 };
 

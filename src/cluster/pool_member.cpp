@@ -65,10 +65,12 @@ class PoolMember {
   struct Job {
     std::shared_ptr<Meter::Account> account = std::make_shared<Meter::Account>();
     double memory_byte_s = 0, host_s = 0;
+    double own_cpu_s = 0;   // its part of what the host does for all jobs
     double memory = 0;  // when it was last looked at
     double ended = 0;
     bool working = false;
-    std::string told;  // the last PoolUse
+    bool told_all = false;  // it has ended, and that was told: nothing changes any more
+    std::string told;       // the last PoolUse
   };
 
   void spawn(asio::awaitable<void> work) {
@@ -136,7 +138,10 @@ class PoolMember {
       if (pool_ != 0) spdlog::info("there is another pool at {}", config_.manager.to_string());
       pool_ = welcome->incarnation();
       link_ = std::make_shared<PeerLink>(io_, incarnation_, pool_, [this] { return clock_.now(); });
-      for (auto& [name, job] : jobs_) job.told.clear();
+      for (auto& [name, job] : jobs_) {
+        job.told.clear();
+        job.told_all = false;
+      }
     }
     heartbeat_s_ = std::clamp(welcome->heartbeat_s(), 0.05, 60.0);
     lost_after_s_ = std::max(welcome->lost_after_s(), heartbeat_s_);
@@ -199,6 +204,7 @@ class PoolMember {
     if (order.memory() != 0) config.memory = std::min(config.memory, order.memory());
     Job& job = jobs_[order.job()];
     job.working = true;
+    job.told_all = false;
     config.seat = std::make_shared<JobSeat>(host_, job.account, order.weight());
     spdlog::info("job {}: works for the manager at {}", order.job(), order.manager());
     orders_[key] = {std::make_unique<OrderRun>(std::move(config),
@@ -261,8 +267,13 @@ class PoolMember {
   // Whenever somebody begins or ends, and in between: memory is what it was the last time, or is now.
   void meter() {
     const double now = clock_.now(), seconds = now - std::exchange(metered_at_, now);
+    // Orders, beats and this meter: what no job is to blame for is shared by all that work.
+    const auto at_work = static_cast<double>(std::ranges::count_if(jobs_, [](const auto& j) { return j.second.working; }));
+    const double own_cpu_s = host_->meter.unaccounted_cpu_s();
+    const double more_cpu_s = std::max(0.0, own_cpu_s - std::exchange(own_cpu_s_, std::max(own_cpu_s, own_cpu_s_)));
     for (auto& [name, job] : jobs_) {
       if (!job.working) continue;
+      job.own_cpu_s += more_cpu_s / at_work;
       const double memory = memory_of(name);
       job.host_s += seconds;
       job.memory_byte_s += seconds * std::max(std::exchange(job.memory, memory), memory);
@@ -289,7 +300,7 @@ class PoolMember {
   wire::PoolUse use_of(const std::string& name, const Job& job) const {
     wire::PoolUse use;
     use.set_job(name);
-    use.set_cpu_s(host_->meter.cpu_s(*job.account));
+    use.set_cpu_s(host_->meter.cpu_s(*job.account) + job.own_cpu_s);
     use.set_memory_byte_s(job.memory_byte_s);
     use.set_host_s(job.host_s);
     use.set_bytes_sent(job.account->bytes_sent);
@@ -315,6 +326,8 @@ class PoolMember {
       status.clear_jobs();
     };
     for (auto& [name, job] : jobs_) {
+      if (job.told_all) continue;  // there may be thousands of them
+      job.told_all = !job.working;
       wire::PoolUse use = use_of(name, job);
       std::string bytes = use.SerializeAsString();
       if (bytes == job.told) continue;
@@ -337,6 +350,7 @@ class PoolMember {
   std::shared_ptr<Session> session_;
   std::uint64_t pool_ = 0;  // its incarnation
   double heartbeat_s_ = 1, lost_after_s_ = 3, tell_at_ = 0, metered_at_ = 0;
+  double own_cpu_s_ = clock_seconds(CLOCK_PROCESS_CPUTIME_ID);  // that has been shared out
   std::map<std::string, Job> jobs_;
   std::map<Key, Order> orders_;
   std::vector<std::unique_ptr<OrderRun>> leaving_orders_;  // that are ordered no more

@@ -25,7 +25,8 @@ struct ServiceHost {
   double cpu_s = 0;  // since it came
   bool here = true;
   std::uint32_t working = 0;  // frames that it works for now
-  // By frame, since it came; without rays and cost. host_s is the time that it has worked for the frame, shared with
+  // By frame, since it came; without rays and cost. Empty if it has said nothing since it was last asked for, as those
+  // that have left, of which there may be a thousand. host_s is the time that it has worked for the frame, shared with
   // others or not.
   std::map<FrameRef, Usage> used;
 };

@@ -19,6 +19,7 @@ void Usage::add(const Usage& o) {
   rays += o.rays;
   host_s += o.host_s;
   cost += o.cost;
+  service_cpu_s += o.service_cpu_s;
 }
 
 Usage Job::usage() const {

@@ -19,6 +19,7 @@ inline bool is_final(FrameState s) { return s == FrameState::done || s == FrameS
 // What a job, or a user, has used.
 struct Usage {
   double cpu_s = 0, memory_byte_s = 0, bytes = 0, rays = 0, host_s = 0, cost = 0;
+  double service_cpu_s = 0;  // of the processes that split its scenes and manage its frames, on the service's machine
   void add(const Usage& other);
 };
 

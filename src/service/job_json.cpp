@@ -68,10 +68,6 @@ FrameState frame_state(const std::string& text) {
   throw std::runtime_error("the store has a frame in the state " + text);
 }
 
-Usage usage_from(const Json& json) {
-  return {json.at("cpu_s"), json.at("memory_byte_s"), json.at("bytes"), json.at("rays"), json.at("host_s"), json.at("cost")};
-}
-
 Json frame_json(const JobFrame& f, std::size_t index) {
   Json needs = nullptr;
   if (f.needs)
@@ -97,7 +93,7 @@ JobFrame frame_from(const Json& json) {
   f.started = optional_of<double>(json, "started_at");
   f.ended = optional_of<double>(json, "ended_at");
   if (const Json& n = json.at("needs"); !n.is_null()) f.needs = needs_from_json(n);
-  f.usage = usage_from(json.at("usage"));
+  f.usage = usage_from_json(json.at("usage"));
   return f;
 }
 
@@ -242,7 +238,13 @@ Json to_json(const JobRequest& r) {
 }
 
 Json to_json(const Usage& u) {
-  return {{"cpu_s", u.cpu_s}, {"memory_byte_s", u.memory_byte_s}, {"bytes", u.bytes}, {"rays", u.rays}, {"host_s", u.host_s}, {"cost", u.cost}};
+  return {{"cpu_s", u.cpu_s}, {"memory_byte_s", u.memory_byte_s}, {"bytes", u.bytes}, {"rays", u.rays}, {"host_s", u.host_s}, {"cost", u.cost},
+          {"service_cpu_s", u.service_cpu_s}};
+}
+
+Usage usage_from_json(const Json& json) {
+  return {json.at("cpu_s"), json.at("memory_byte_s"), json.at("bytes"), json.at("rays"), json.at("host_s"), json.at("cost"),
+          json.value("service_cpu_s", 0.0)};  // stores of earlier programs have none
 }
 
 Json to_json(const Job& job) {

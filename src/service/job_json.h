@@ -27,6 +27,7 @@ JobRequest read_request(const Json& body, const std::string& user);
 Json to_json(const RenderSettings& settings);
 Json to_json(const JobRequest& request);  // what read_request takes
 Json to_json(const Usage& usage);
+Usage usage_from_json(const Json& json);
 Json to_json(const Job& job);
 Job job_from_json(const Json& json);  // what to_json gave
 FrameNeeds needs_from_json(const Json& json);  // as `split --report` writes them, and to_json a frame's

@@ -17,6 +17,7 @@ class PoolHosts : public FrameHosts {
  private:
   Pool& pool_;
   const std::string prefix_;
+  mutable std::map<std::uint64_t, std::uint64_t> words_;  // of hosts, when they were last asked for
 };
 
 }  // namespace cloudrenderer

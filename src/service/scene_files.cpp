@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 
@@ -138,6 +139,15 @@ bool BlobStore::Upload::finish() {
   fchmod(fd_, 0444);
   fs::rename(from, to);  // over the same content of others
   return true;
+}
+
+void BlobStore::forget_uploads(double before) {
+  const std::lock_guard lock(mutex_);
+  for (const auto& entry : fs::directory_iterator(folder_ + "/uploads")) {
+    std::error_code gone;
+    const auto written = std::chrono::file_clock::to_sys(entry.last_write_time(gone)).time_since_epoch();
+    if (!gone && !busy_.contains(entry.path()) && std::chrono::duration<double>(written).count() < before) fs::remove(entry.path(), gone);
+  }
 }
 
 void BlobStore::materialise(const SceneManifest& manifest, const std::string& folder) const {

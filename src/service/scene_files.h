@@ -58,6 +58,7 @@ class BlobStore {
   std::unique_ptr<Upload> upload(const std::string& user, const std::string& sha256, std::uint64_t offset, std::uint64_t total);
 
   std::string path(const std::string& sha256) const;
+  void forget_uploads(double before);  // Unix time: those of which nothing has come since
   // A folder of hard links to the files (copies where the system has no more links), read-only.
   void materialise(const SceneManifest& manifest, const std::string& folder) const;
 

@@ -13,8 +13,6 @@ constexpr std::uint32_t kFramesOfAJob = 2;  // at once: the parts that they shar
 
 std::string gigabytes(std::uint64_t bytes) { return fmt::format("{:.4g} MiB", static_cast<double>(bytes) / (1 << 20)); }
 
-bool over(const std::optional<double>& budget, double cost) { return budget && cost > *budget; }
-
 }  // namespace
 
 const Job* Scheduler::find(std::uint64_t id) const {
@@ -224,21 +222,6 @@ std::uint32_t Scheduler::running_of(std::uint64_t job) const {
   return static_cast<std::uint32_t>(std::ranges::count_if(running_, [&](const auto& r) { return r.first.job == job; }));
 }
 
-// How much of its share a user has used lately: who has least is next.
-double Scheduler::turn(const std::string& user, double now) const {
-  const auto found = turns_.find(user);
-  if (found == turns_.end()) return 0;
-  return found->second.used * std::exp2((found->second.at - now) / options_.half_life_s) / limits(user).share;
-}
-
-void Scheduler::used(FrameRef ref, const Usage& usage) {
-  const auto found = jobs_.find(ref.job);
-  if (found == jobs_.end()) return;
-  found->second.frames.at(ref.frame).usage.add(usage);
-  changed_.insert(ref.job);
-  turns_[found->second.request.user].used += usage.cpu_s;
-}
-
 std::optional<FrameRef> Scheduler::next_frame(const Job& job, FrameState state, double now) const {
   for (std::uint32_t i = 0; i < job.frames.size(); ++i)
     if (job.frames[i].state == state && job.frames[i].not_before <= now) return FrameRef{job.id, i};
@@ -318,13 +301,11 @@ void Scheduler::make_room(double now) {
     const auto ref = next_frame(job, FrameState::ready, now);
     if (ref && slots_for(frame_at(*ref)) <= options_.slots && slots_taken(&job.request.user) == 0) wanting.try_emplace(job.request.user, *ref);
   }
-  for (auto& [user, t] : turns_)
-    if (!wanting.contains(user)) t.waits_since.reset();
+  std::erase_if(waits_since_, [&](const auto& w) { return !wanting.contains(w.first); });
   const bool leaving = std::ranges::any_of(running_, [](const auto& r) { return r.second.stop != Stop::no; });
   for (const auto& [user, ref] : wanting) {
-    Turn& t = turns_[user];
-    if (!t.waits_since) t.waits_since = now;
-    if (leaving || hosts_.empty() || now < *t.waits_since + options_.patience_s) continue;
+    double& since = waits_since_.try_emplace(user, now).first->second;
+    if (leaving || hosts_.empty() || now < since + options_.patience_s) continue;
     const int priority = jobs_.at(ref.job).request.priority;
     std::optional<std::pair<double, FrameRef>> worst;
     for (const auto& [other, run] : running_) {
@@ -336,38 +317,13 @@ void Scheduler::make_room(double now) {
     }
     if (!worst) continue;
     stop(worst->second, Stop::make_room);
-    t.waits_since = now;
+    since = now;
     return;
   }
 }
 
-void Scheduler::look_at_budgets(double now) {
-  const std::map<std::string, Usage> users = usage();
-  for (auto& [id, job] : jobs_) {
-    if (is_final(job.state) || job.state == JobState::paused) continue;
-    const double cost = job.usage().cost;
-    const bool own = over(job.request.budget, cost);
-    const auto& budget = limits(job.request.user).budget;
-    if (!own && !over(budget, users.at(job.request.user).cost)) continue;
-    const std::string reason = own ? fmt::format("the job's budget of {:.6g} is used up", *job.request.budget)
-                                   : fmt::format("the budget of {}, {:.6g}, is used up", job.request.user, *budget);
-    job.over_budget = true;
-    job.state = job.request.ask ? JobState::paused : JobState::failed;
-    if (!job.request.ask) job.ended = now;
-    job.reason = reason + "; the job can be resumed when it is raised";
-    changed_.insert(id);
-    for (std::uint32_t i = 0; i < job.frames.size(); ++i) {
-      const FrameRef ref{id, i};
-      if (running_.contains(ref)) stop(ref, Stop::budget);
-    }
-  }
-}
-
 void Scheduler::tick(double now) {
-  for (auto& [user, t] : turns_) {
-    t.used *= std::exp2((t.at - now) / options_.half_life_s);
-    t.at = now;
-  }
+  age_accounts(now);
   for (auto& [ref, run] : running_) {
     const Job& job = jobs_.at(ref.job);
     const JobFrame& f = job.frames.at(ref.frame);
@@ -377,25 +333,7 @@ void Scheduler::tick(double now) {
   start_splits(now);
   start_frames(now);
   make_room(now);
-}
-
-std::map<FrameRef, Scheduler::Portion> Scheduler::portions() const {
-  std::map<std::string, std::uint32_t> frames;
-  for (const auto& [ref, run] : running_) ++frames[jobs_.at(ref.job).request.user];
-  std::map<FrameRef, Portion> out;
-  for (const auto& [ref, run] : running_) {
-    const JobRequest& r = jobs_.at(ref.job).request;
-    out[ref] = {limits(r.user).share * std::exp2(r.priority) / frames.at(r.user), static_cast<double>(run.slots) / options_.slots,
-                jobs_.at(ref.job).frames.at(ref.frame).needs->least()};
-  }
-  return out;
-}
-
-std::map<std::string, Usage> Scheduler::usage() const {
-  std::map<std::string, Usage> out;
-  for (const auto& [user, limit] : users_) out[user];
-  for (const auto& [id, job] : jobs_) out[job.request.user].add(job.usage());
-  return out;
+  fair_.tick(now, parts());
 }
 
 }  // namespace cloudrenderer

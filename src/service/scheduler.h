@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "service/fair_shares.h"
 #include "service/job.h"
 
 namespace cloudrenderer {
@@ -18,6 +19,13 @@ struct UserLimits {
   int priority_limit = 0;          // the highest that jobs may have
   std::optional<double> budget;    // money, over all jobs
   std::uint32_t jobs = 1000;       // that have not ended
+};
+
+// What is kept of a user beside the jobs that are known.
+struct UserAccount {
+  Usage past;              // of jobs that were removed
+  double used_lately = 0;  // processor seconds, halved with every half-life, as they were
+  double at = 0;           // then
 };
 
 // How a child process that worked on a frame has ended.
@@ -52,6 +60,12 @@ class Scheduler {
   void set_largest_to_come(std::uint64_t memory) { largest_to_come_ = memory; }
   // A job from an earlier life of the service: what ran goes on from its checkpoint.
   void restore(Job job);
+  void restore(std::map<std::string, UserAccount> accounts, std::uint64_t next_id);
+  const std::map<std::string, UserAccount>& accounts() const { return accounts_; }
+  std::uint64_t next_id() const { return next_id_; }  // no number is given to two jobs, whatever is removed
+
+  bool has_ended(std::uint64_t job) const;  // and no process is at work for it
+  void remove(std::uint64_t job);           // that has ended; what was used stays its user's
 
   Result<std::uint64_t> submit(JobRequest request, double now);
   bool cancel(std::uint64_t job, double now);  // false: it has ended already
@@ -72,12 +86,13 @@ class Scheduler {
   std::vector<Action> take_actions() { return std::exchange(actions_, {}); }
   std::set<std::uint64_t> take_changed() { return std::exchange(changed_, {}); }  // jobs to be kept
 
-  // Of the frames that run: the part of the processors, and of a host's memory (of 1).
+  // Of the frames that run, or of those of them that hosts may work for already: the part of the processors, and of a
+  // host's memory (of 1). A user's part goes to those that are asked for, not to the ones that are only about to begin.
   struct Portion {
     double weight = 1, memory = 1;
     std::uint64_t least_memory = 0;
   };
-  std::map<FrameRef, Portion> portions() const;
+  std::map<FrameRef, Portion> portions(const std::set<FrameRef>* at_work = nullptr) const;
 
   const std::map<std::uint64_t, Job>& jobs() const { return jobs_; }
   const Job* find(std::uint64_t id) const;
@@ -89,10 +104,6 @@ class Scheduler {
     std::uint32_t slots = 1;
     Stop stop = Stop::no;
     bool told = false;  // the action is out
-  };
-  struct Turn {  // a user's
-    double used = 0, at = 0;  // decayed
-    std::optional<double> waits_since;
   };
   JobFrame& frame_at(FrameRef ref) { return jobs_.at(ref.job).frames.at(ref.frame); }
   const UserLimits& limits(const std::string& user) const;
@@ -108,6 +119,8 @@ class Scheduler {
   void start_frames(double now);
   void make_room(double now);
   void look_at_budgets(double now);
+  void age_accounts(double now);
+  std::map<std::string, double> parts() const;
   void end_job(Job& job, double now);
   void fail_job(Job& job, const std::string& reason, double now);
   void update(Job& job, double now);
@@ -119,7 +132,10 @@ class Scheduler {
   std::map<std::uint64_t, Job> jobs_;
   std::map<FrameRef, Run> running_;
   std::set<FrameRef> splitting_;
-  std::map<std::string, Turn> turns_;
+  std::map<std::string, UserAccount> accounts_;
+  std::map<std::uint64_t, std::string> removed_;     // whose they were
+  std::map<std::string, double> waits_since_;        // for a frame to run
+  FairShares fair_;
   std::vector<Action> actions_;
   std::set<std::uint64_t> changed_;
   std::uint64_t next_id_ = 1;

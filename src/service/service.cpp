@@ -4,9 +4,11 @@
 #include <signal.h>
 #include <spdlog/fmt/fmt.h>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <filesystem>
@@ -16,7 +18,6 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "cluster/processes.h"
-#include "service/meter.h"
 
 namespace cloudrenderer {
 namespace {
@@ -26,7 +27,6 @@ namespace fs = std::filesystem;
 constexpr double kStopPatience = 20;   // between asking a child for a checkpoint and killing it
 constexpr double kUsersEvery = 1;      // between looks at the users' file
 constexpr double kKeepEvery = 2;
-constexpr double kMeterKept = 7 * 86400;
 constexpr auto kGoodbye = std::chrono::seconds(10);
 constexpr std::size_t kLogShown = 1 << 20;
 
@@ -86,9 +86,11 @@ Service::Service(ServiceConfig config, Users users, std::optional<PriceTable> pr
       scheduler_(config_.scheduler),
       hosts_(hosts(store_.identity())),
       steady_hosts_(config_.elastic),
-      progress_(config_.token) {
+      progress_(config_.token),
+      trash_(config_.folder + "/trash") {
   for (const char* name : {"scenes", "splits", "jobs"}) fs::create_directories(config_.folder + "/" + name);
   for (Job& job : store_.jobs()) scheduler_.restore(std::move(job));
+  scheduler_.restore(store_.accounts(), store_.next_id());
   metered_ = store_.meters();  // hosts outlive the service, and go on with their sums
 }
 
@@ -132,14 +134,15 @@ void Service::note(std::uint64_t job, const std::string& text, double now) {
 }
 
 void Service::step(double now) {
+  tidy(now);
   const std::lock_guard lock(mutex_);
   if (now >= users_read_ + kUsersEvery) {
-    if (users_read_ == 0) store_.forget_meters(now - kMeterKept);
     users_read_ = now;
     if (const std::string fault = users_.refresh(); !fault.empty()) spdlog::error("{}", fault);
   }
   if (users_.changed_since_last_asked()) scheduler_.set_users(users_.limits());
   host_view_ = hosts_->hosts();
+  meter_children(now);
   collect(now);
   meter();
   std::vector<std::uint64_t> memory;
@@ -197,13 +200,25 @@ void Service::start_split(FrameRef ref, double now) {
   children_[ref] = child;
 }
 
+// Throws ClusterError.
+std::uint16_t Service::choose_port() const {
+  if (!config_.manager_ports) return 0;
+  const auto taken = [&](std::uint16_t port) { return std::ranges::any_of(children_, [&](const auto& c) { return c.second.port == port; }); };
+  if (const auto port = free_port(*config_.manager_ports, config_.managers.host, taken)) return *port;
+  throw ClusterError("none of the ports " + config_.manager_ports->to_string() + " (--ports) is free at " + config_.managers.host +
+                     " for the frame's manager");
+}
+
 void Service::start_frame(FrameRef ref, double now) {
   const Job& job = *scheduler_.find(ref.job);
   const JobFrame& frame = job.frames[ref.frame];
   const RenderSettings& s = job.request.settings;
   const std::string folder = frame_folder(ref), log = folder + "/log";
+  const std::uint16_t port = choose_port();
+  std::error_code ignored;
+  fs::last_write_time(split_folder(job, frame), fs::file_time_type::clock::now(), ignored);  // those used longest ago go first
   std::vector<std::string> arguments{"manager", fs::relative(split_folder(job, frame), folder).string(), "-o", "picture.exr",
-                                     "--listen", Address{config_.managers.host, 0}.to_string(), "--checkpoint", "checkpoint",
+                                     "--listen", Address{config_.managers.host, port}.to_string(), "--checkpoint", "checkpoint",
                                      "--resume", "--report", "report.json", "--web", "127.0.0.1:0", "--quiet",
                                      "--parent", std::to_string(getpid())};
   const auto option = [&](const char* name, const auto& value) {
@@ -226,6 +241,7 @@ void Service::start_frame(FrameRef ref, double now) {
   if (config_.allow_inexact) arguments.emplace_back("--allow-inexact");
   Child child;
   child.started = now;
+  child.port = port;
   std::error_code none;
   child.log_offset = fs::file_size(log, none);
   if (none) child.log_offset = 0;
@@ -259,13 +275,16 @@ void Service::collect(double now) {
   for (auto it = children_.begin(); it != children_.end();) {
     auto& [ref, child] = *it;
     int status = 0;
-    if (waitpid(child.pid, &status, WNOHANG) != child.pid) {
+    rusage used{};
+    if (wait4(child.pid, &status, WNOHANG, &used) != child.pid) {
       if (!child.splits && !child.manager) read_addresses(child, ref);
       if (child.splits && !child.killed_at && now > child.started + config_.split_timeout_s) child.killed_at = now;
       if (child.killed_at && now >= *child.killed_at) kill(child.pid, SIGKILL);
       ++it;
       continue;
     }
+    const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+    meter_child(ref, child, seconds(used.ru_utime) + seconds(used.ru_stime));
     const FrameRef ended = ref;
     const Child was = child;
     it = children_.erase(it);
@@ -336,35 +355,19 @@ void Service::frame_ended(FrameRef ref, const Child& child, int status, double n
     }
   }
   std::error_code ignored;
-  if (end.how == FrameEnd::How::done) fs::remove(folder + "/checkpoint", ignored);
   scheduler_.frame_ended(ref, end, now);
-}
-
-// What hosts say that frames have used, as far as it is new.
-void Service::meter() {
-  for (const auto& [id, host] : host_view_) {
-    std::map<FrameRef, Usage> news;
-    for (const auto& [ref, used] : host.used) {
-      Usage& counted = metered_[{id, ref}];
-      const Usage more{used.cpu_s - counted.cpu_s, used.memory_byte_s - counted.memory_byte_s, used.bytes - counted.bytes, 0,
-                       used.host_s - counted.host_s, 0};
-      if (more.cpu_s <= 0 && more.host_s <= 0 && more.bytes <= 0 && more.memory_byte_s <= 0) continue;
-      counted = used;
-      newly_metered_[{id, ref}] = used;
-      news[ref] = more;
-    }
-    for (const auto& [ref, more] : share_out(std::move(news), prices_ ? prices_->an_hour(host.kind) : 0))
-      if (scheduler_.find(ref.job)) scheduler_.used(ref, more);
-  }
+  const Job& job = *scheduler_.find(ref.job);
+  if (is_final(job.frames[ref.frame].state) && !needs_files(job)) fs::remove(folder + "/checkpoint", ignored);
+  if (end.how == FrameEnd::How::done) fs::remove(folder + "/checkpoint", ignored);
 }
 
 void Service::give_orders() {
+  std::set<FrameRef> at_work;
+  for (const auto& [ref, child] : children_)
+    if (child.manager && !child.asked) at_work.insert(ref);
   std::vector<FrameOrder> orders;
-  for (const auto& [ref, portion] : scheduler_.portions()) {
-    const auto child = children_.find(ref);
-    if (child != children_.end() && child->second.manager && !child->second.asked)
-      orders.push_back({ref, *child->second.manager, portion.weight, portion.memory, portion.least_memory});
-  }
+  for (const auto& [ref, portion] : scheduler_.portions(&at_work))
+    orders.push_back({ref, *children_.at(ref).manager, portion.weight, portion.memory, portion.least_memory});
   hosts_->order(orders);
 }
 
@@ -393,7 +396,7 @@ void Service::keep(double now) {
     noted = std::move(state);
   }
   if (!news) return;
-  store_.save(changed, newly_metered_, now);
+  store_.save(changed, newly_metered_, scheduler_.accounts(), scheduler_.next_id(), now);
   newly_metered_.clear();
   dirty_.clear();
   kept_ = now;

@@ -13,10 +13,13 @@
 #include "service/elastic.h"
 #include "service/frame_hosts.h"
 #include "service/frame_progress.h"
+#include "service/keep_rules.h"
+#include "service/port_range.h"
 #include "service/prices.h"
 #include "service/scene_files.h"
 #include "service/scheduler.h"
 #include "service/store.h"
+#include "service/trash.h"
 #include "service/users.h"
 #include "web/metric_families.h"
 
@@ -25,6 +28,7 @@ namespace cloudrenderer {
 struct ServiceConfig {
   std::string folder;   // all that the service keeps
   Address managers;     // where frames' managers listen; each takes a free port
+  std::optional<PortRange> manager_ports;  // or one of these
   std::string managers_host;  // how workers reach it
   std::string token;    // of the cluster: for the managers
   TlsOptions tls;
@@ -35,6 +39,7 @@ struct ServiceConfig {
   std::uint64_t child_disk = std::uint64_t{1} << 40;    // of a file that it writes
   double split_timeout_s = 3600;
   std::uint64_t user_bytes = std::uint64_t{100} << 30;  // that one user may have uploaded
+  KeepRules rules;
 };
 
 // Jobs of users, rendered by children of this process on the hosts of a pool. step() belongs to one thread, on which
@@ -65,6 +70,7 @@ class Service {
   Json jobs(const Caller& caller);
   Json job(const Caller& caller, std::uint64_t id);
   Json cancel(const Caller& caller, std::uint64_t id);
+  Json remove(const Caller& caller, std::uint64_t id);  // that has ended, with its files
   Json resume(const Caller& caller, std::uint64_t id, const Json& body);
   Json events(const Caller& caller, std::uint64_t id);
 
@@ -86,6 +92,8 @@ class Service {
     bool splits = false;
     double started = 0;
     std::size_t log_offset = 0;  // where this attempt's log begins
+    double counted_cpu_s = 0;
+    std::uint16_t port = 0;  // that its manager was given; 0: it takes a free one
     std::optional<Address> manager;
     std::string window;
     bool asked = false;  // to end
@@ -103,6 +111,13 @@ class Service {
   void split_ended(FrameRef ref, const Child& child, int status, double now);
   void frame_ended(FrameRef ref, const Child& child, int status, double now);
   void meter();
+  void meter_children(double now);
+  void meter_child(FrameRef ref, Child& child, double cpu_s);
+  std::uint16_t choose_port() const;
+  void tidy(double now);
+  void tidy_scenes(double now);
+  void tidy_splits(const std::set<std::string>& needed, double now);
+  void remove_job(std::uint64_t id);
   void give_orders();
   void plan_hosts(double now);
   void add_wanted(Families& families) const;
@@ -123,13 +138,16 @@ class Service {
   Store::Meters metered_, newly_metered_;  // what has been counted; of it, what is not kept yet
   std::map<std::uint64_t, std::string> states_;                  // of jobs, when last noted
   std::set<std::uint64_t> dirty_;  // jobs that have changed since they were kept
-  double users_read_ = 0, kept_ = 0;
+  double users_read_ = 0, kept_ = 0, children_metered_ = 0;
+  double tidied_ = 0, meters_tidied_ = 0;
+  bool disk_is_full_ = false;
   SteadyHosts steady_hosts_;
   std::map<std::string, HostKind> seen_kinds_;
   HostsWanted hosts_wanted_;
   std::vector<ElasticHost> planned_hosts_;  // that hosts_wanted_ speaks of
   double planned_ = 0;
   ProgressWatch progress_;
+  Trash trash_;
 };
 
 }  // namespace cloudrenderer

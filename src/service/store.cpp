@@ -2,15 +2,19 @@
 
 #include <sqlite3.h>
 
+#include <iterator>
+
 #include "base/error.h"
 #include "service/job_json.h"
 
 namespace cloudrenderer {
 namespace {
 
-constexpr int kVersion = 1;
 constexpr int kPatienceMs = 5000;
-constexpr const char* kTables = R"(
+
+// What makes a store of each version from one of the version before. Never changed; new ones are added.
+constexpr const char* kMigrations[] = {
+    R"(
   CREATE TABLE IF NOT EXISTS jobs (id INTEGER PRIMARY KEY, user TEXT NOT NULL, state TEXT NOT NULL, data TEXT NOT NULL);
   CREATE TABLE IF NOT EXISTS blobs (user TEXT NOT NULL, sha256 TEXT NOT NULL, bytes INTEGER NOT NULL, PRIMARY KEY (user, sha256));
   CREATE TABLE IF NOT EXISTS scenes (id TEXT NOT NULL, user TEXT NOT NULL, manifest TEXT NOT NULL, bytes INTEGER NOT NULL,
@@ -20,7 +24,14 @@ constexpr const char* kTables = R"(
                                      bytes REAL, host_s REAL, seen REAL NOT NULL, PRIMARY KEY (host, job, frame));
   CREATE TABLE IF NOT EXISTS identity (id TEXT NOT NULL);
   CREATE INDEX IF NOT EXISTS events_of_job ON events (job);
-)";
+)",
+    // What users have used lately, and in jobs that were removed; the number of the next job.
+    R"(
+  CREATE TABLE accounts (user TEXT PRIMARY KEY, past TEXT NOT NULL, used_lately REAL NOT NULL, at REAL NOT NULL);
+  CREATE TABLE numbers (name TEXT PRIMARY KEY, value INTEGER NOT NULL);
+)",
+};
+constexpr std::uint64_t kVersion = std::size(kMigrations);
 
 }  // namespace
 
@@ -83,9 +94,9 @@ Store::Store(const std::string& path) {
       s.row();
       version = s.number(0);
     }
-    if (version > kVersion) throw std::runtime_error("it is of version " + std::to_string(version) + ", this program knows 1");
-    run(kTables);
-    run("PRAGMA user_version = " + std::to_string(kVersion));
+    if (version > kVersion)
+      throw std::runtime_error("it is of version " + std::to_string(version) + ", this program knows " + std::to_string(kVersion));
+    migrate(version);
   } catch (const std::exception& e) {
     sqlite3_close(db_);
     throw UsageError(path + ": " + e.what());
@@ -102,7 +113,30 @@ void Store::run(const std::string& sql) {
   throw std::runtime_error("the service's store: " + why);
 }
 
-void Store::save(const std::vector<const Job*>& jobs, const Meters& meters, double now) {
+void Store::migrate(std::uint64_t from) {
+  for (std::uint64_t version = from; version < kVersion; ++version) {
+    run("BEGIN IMMEDIATE");
+    try {
+      run(kMigrations[version]);
+      run("PRAGMA user_version = " + std::to_string(version + 1));
+    } catch (...) {
+      run("ROLLBACK");
+      throw;
+    }
+    run("COMMIT");
+  }
+}
+
+void Store::put(const std::string& user, const UserAccount& a) {
+  Statement(db_, "INSERT OR REPLACE INTO accounts (user, past, used_lately, at) VALUES (?, ?, ?, ?)")
+      .bind(user)
+      .bind(dump(to_json(a.past)))
+      .bind(a.used_lately)
+      .bind(a.at)
+      .row();
+}
+
+void Store::save(const std::vector<const Job*>& jobs, const Meters& meters, const Accounts& accounts, std::uint64_t next_id, double now) {
   if (jobs.empty() && meters.empty()) return;
   run("BEGIN IMMEDIATE");
   try {
@@ -119,6 +153,8 @@ void Store::save(const std::vector<const Job*>& jobs, const Meters& meters, doub
       m.row();
       m.again();
     }
+    for (const auto& [user, account] : accounts) put(user, account);
+    if (next_id != 0) Statement(db_, "INSERT OR REPLACE INTO numbers VALUES ('next job', ?)").bind(next_id).row();
   } catch (...) {
     run("ROLLBACK");
     throw;
@@ -130,6 +166,31 @@ std::vector<Job> Store::jobs() {
   std::vector<Job> out;
   for (Statement s(db_, "SELECT data FROM jobs ORDER BY id"); s.row();) out.push_back(job_from_json(Json::parse(s.text(0))));
   return out;
+}
+
+Store::Accounts Store::accounts() {
+  Accounts out;
+  for (Statement s(db_, "SELECT user, past, used_lately, at FROM accounts"); s.row();)
+    out[s.text(0)] = {usage_from_json(Json::parse(s.text(1))), s.real(2), s.real(3)};
+  return out;
+}
+
+std::uint64_t Store::next_id() {
+  Statement s(db_, "SELECT value FROM numbers WHERE name = 'next job'");
+  return s.row() ? s.number(0) : 0;
+}
+
+void Store::remove_job(std::uint64_t id, const std::string& user, const UserAccount& account) {
+  run("BEGIN IMMEDIATE");
+  try {
+    Statement(db_, "DELETE FROM jobs WHERE id = ?").bind(id).row();
+    Statement(db_, "DELETE FROM events WHERE job = ?").bind(id).row();
+    put(user, account);
+  } catch (...) {
+    run("ROLLBACK");
+    throw;
+  }
+  run("COMMIT");
 }
 
 std::string Store::identity() {
@@ -165,7 +226,7 @@ std::uint64_t Store::bytes_of(const std::string& user) {
 }
 
 void Store::add_scene(const SceneRecord& scene, double now) {
-  Statement(db_, "INSERT OR IGNORE INTO scenes (id, user, manifest, bytes, made) VALUES (?, ?, ?, ?, ?)")
+  Statement(db_, "INSERT OR REPLACE INTO scenes (id, user, manifest, bytes, made) VALUES (?, ?, ?, ?, ?)")
       .bind(scene.id)
       .bind(scene.user)
       .bind(scene.manifest)
@@ -175,16 +236,37 @@ void Store::add_scene(const SceneRecord& scene, double now) {
 }
 
 std::optional<SceneRecord> Store::scene(const std::string& user, const std::string& id) {
-  Statement s(db_, "SELECT manifest, bytes FROM scenes WHERE user = ? AND id = ?");
+  Statement s(db_, "SELECT manifest, bytes, made FROM scenes WHERE user = ? AND id = ?");
   if (!s.bind(user).bind(id).row()) return std::nullopt;
-  return SceneRecord{id, user, s.text(0), s.number(1)};
+  return SceneRecord{id, user, s.text(0), s.number(1), s.real(2)};
 }
 
 std::vector<SceneRecord> Store::scenes(const std::string& user) {
   std::vector<SceneRecord> out;
-  Statement s(db_, "SELECT id, manifest, bytes FROM scenes WHERE user = ? ORDER BY made DESC LIMIT 1000");
-  for (s.bind(user); s.row();) out.push_back({s.text(0), user, s.text(1), s.number(2)});
+  Statement s(db_, "SELECT id, manifest, bytes, made FROM scenes WHERE user = ? ORDER BY made DESC LIMIT 1000");
+  for (s.bind(user); s.row();) out.push_back({s.text(0), user, s.text(1), s.number(2), s.real(3)});
   return out;
+}
+
+std::vector<SceneRecord> Store::all_scenes() {
+  std::vector<SceneRecord> out;
+  for (Statement s(db_, "SELECT id, user, manifest, bytes, made FROM scenes"); s.row();)
+    out.push_back({s.text(0), s.text(1), s.text(2), s.number(3), s.real(4)});
+  return out;
+}
+
+void Store::remove_scene(const std::string& user, const std::string& id) {
+  Statement(db_, "DELETE FROM scenes WHERE user = ? AND id = ?").bind(user).bind(id).row();
+}
+
+bool Store::remove_blob(const std::string& user, const std::string& sha256) {
+  Statement(db_, "DELETE FROM blobs WHERE user = ? AND sha256 = ?").bind(user).bind(sha256).row();
+  return !has_blob(sha256);
+}
+
+bool Store::has_blob(const std::string& sha256) {
+  Statement s(db_, "SELECT 1 FROM blobs WHERE sha256 = ? LIMIT 1");
+  return s.bind(sha256).row();
 }
 
 void Store::add_event(double now, std::uint64_t job, const std::string& text) {

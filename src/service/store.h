@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "service/job.h"
+#include "service/scheduler.h"
 
 struct sqlite3;
 struct sqlite3_stmt;
@@ -16,6 +16,7 @@ namespace cloudrenderer {
 struct SceneRecord {
   std::string id, user, manifest;  // the manifest as JSON
   std::uint64_t bytes = 0;
+  double used = 0;  // when it was uploaded, for the last time
 };
 
 // What outlives the service: jobs, scenes, who has uploaded what. SQLite with a write-ahead log; one thread at a time.
@@ -32,8 +33,14 @@ class Store {
   // What has been counted of a frame's use of a host.
   using Meters = std::map<std::pair<std::uint64_t, FrameRef>, Usage>;
   // All or none, so that nothing is counted twice.
-  void save(const std::vector<const Job*>& jobs, const Meters& meters, double now);
+  void save(const std::vector<const Job*>& jobs, const Meters& meters, double now) { save(jobs, meters, {}, 0, now); }
+  using Accounts = std::map<std::string, UserAccount>;
+  void save(const std::vector<const Job*>& jobs, const Meters& meters, const Accounts& accounts, std::uint64_t next_id, double now);
   std::vector<Job> jobs();
+  Accounts accounts();
+  std::uint64_t next_id();  // 0: none is known
+  // With its events, and its use into the sums of the user, all or none.
+  void remove_job(std::uint64_t id, const std::string& user, const UserAccount& account);
   Meters meters();
   void forget_meters(double before);  // of hosts that have said nothing since
 
@@ -44,6 +51,10 @@ class Store {
   void add_scene(const SceneRecord& scene, double now);
   std::optional<SceneRecord> scene(const std::string& user, const std::string& id);
   std::vector<SceneRecord> scenes(const std::string& user);
+  std::vector<SceneRecord> all_scenes();
+  void remove_scene(const std::string& user, const std::string& id);
+  bool remove_blob(const std::string& user, const std::string& sha256);  // true: nobody has it any more
+  bool has_blob(const std::string& sha256);                              // anybody
 
   void add_event(double now, std::uint64_t job, const std::string& text);
   struct Event {
@@ -55,6 +66,8 @@ class Store {
  private:
   class Statement;
   void run(const std::string& sql);
+  void migrate(std::uint64_t from);
+  void put(const std::string& user, const UserAccount& account);
 
   sqlite3* db_ = nullptr;
 };

@@ -5,6 +5,7 @@ import sys
 import time
 
 import numpy as np
+import service_support
 import service_test
 import support
 from support import measure
@@ -15,35 +16,29 @@ MOST = 6
 BURST, LATER = 1.5, 4  # seconds that a job keeps two processors busy at least: of the burst, of the one with a deadline
 
 
-class Elastic(support.ClusterTest):
-    def setUp(self):
-        super().setUp()
-        self.farm = service_test.Service("test_users_render_side_by_side_and_see_only_their_own")  # its means, not its tests
-        self.farm.setUp()
-        self.addCleanup(self.farm.doCleanups)
-        self.addCleanup(self.farm.tearDown)
+class Elastic(service_support.ServiceTest):
+    SERVE = ("--log-level", "info", "--min-hosts", 1, "--max-hosts", MOST, "--host-start", 0.5, "--host-worth", 0.25, "--host-idle", 2)
 
     def wanted(self, user="root"):
-        status, answer = self.farm.ask(user, "GET", "/v1/hosts/wanted")
+        status, answer = self.ask(user, "GET", "/v1/hosts/wanted")
         self.assertEqual(status, 200, answer)
         return answer
 
     def test_a_burst_brings_hosts_and_its_end_takes_them(self):
-        farm = self.farm
         per_second = self.spp_for_frame(1, support.SCENE, SIZE)
         one, last = (["--spp", int(per_second * seconds), "--resolution", SIZE, "--seed", seed, *service_test.SPLIT] for seed, seconds in enumerate((BURST, LATER)))
-        farm.serve(0, "64MiB", "--min-hosts", 1, "--max-hosts", MOST, "--host-start", 0.5, "--host-worth", 0.25, "--host-idle", 2)
-        logs = farm.folder / "logs"
+        self.serve(0)
+        logs = self.folder / "logs"
         logs.mkdir()
-        output = open(farm.folder / "scaler.log", "w")
+        output = open(self.folder / "scaler.log", "w")
         self.addCleanup(output.close)
-        scaler = subprocess.Popen([sys.executable, SCALER, "local", "--service", f"http://127.0.0.1:{farm.api_port}", "--user-token-file",
-                                   farm.folder / "bob.token", "--manager", f"127.0.0.1:{farm.pool_port}", "--every", "0.3", "--program", support.PROGRAM,
+        scaler = subprocess.Popen([sys.executable, SCALER, "local", "--service", f"http://127.0.0.1:{self.api_port}", "--user-token-file",
+                                   self.folder / "bob.token", "--manager", f"127.0.0.1:{self.pool_port}", "--every", "0.3", "--program", support.PROGRAM,
                                    "--logs", logs, "--name", "elastic", "--threads", "1", "--memory", "64MiB"], stdout=output, stderr=subprocess.STDOUT,
                                   preexec_fn=measure.die_with_parent)
         self.addCleanup(scaler.wait)
         self.addCleanup(scaler.kill)
-        story = lambda: (farm.folder / "scaler.log").read_text() + farm.logs()  # noqa: E731
+        story = lambda: (self.folder / "scaler.log").read_text() + self.logs()  # noqa: E731
         seen = []
 
         def look():
@@ -53,45 +48,45 @@ class Elastic(support.ClusterTest):
             self.assertLessEqual(answer["there"], MOST, story())
             return answer
 
-        farm.wait_for(lambda: look()["there"] == 1, "no first host")
+        self.wait_for(lambda: look()["there"] == 1, "no first host")
         self.assertIn("1 host is kept always", str(look()["reasons"]))
         # The burst, and a job whose deadline is far away: for it one host is enough.
-        burst = [int(farm.submit("ann", support.SCENE, *one)) for _ in range(3)]
-        later = int(farm.submit("root", support.SCENE, "--deadline", "1h", "--priority", -5, *last))
-        farm.wait_for(lambda: look()["there"] == MOST, f"the burst brings no hosts: {seen}\n{story()}", 40)
-        status, metrics = farm.ask("root", "GET", "/v1/metrics")
+        burst = [int(self.submit("ann", support.SCENE, *one)) for _ in range(3)]
+        later = int(self.submit("root", support.SCENE, "--deadline", "1h", "--priority", -5, *last))
+        self.wait_for(lambda: look()["there"] == MOST, f"the burst brings no hosts: {seen}\n{story()}", 40)
+        status, metrics = self.ask("root", "GET", "/v1/metrics")
         self.assertEqual(status, 200)
         self.assertIn(f'cloudrenderer_service_hosts_wanted{{kind=""}} {MOST}'.encode(), metrics)
-        self.assertRegex(farm.command("root", "status", "--hosts"), rf"any kind: {MOST} wanted, {MOST} there\n(.|\n)*no more than {MOST} hosts are allowed")
+        self.assertRegex(self.command("root", "status", "--hosts"), rf"any kind: {MOST} wanted, {MOST} there\n(.|\n)*no more than {MOST} hosts are allowed")
         # Reasons speak of a user's own jobs only.
         self.assertEqual({j["job"] for j in self.wanted("ann")["jobs"]} - set(burst), set())
         self.assertEqual(self.wanted("bob")["jobs"], [])
         self.assertEqual([r for r in self.wanted("bob")["reasons"] if r["job"]], [])
         for job in burst:
-            farm.wait_for(lambda job=job: look() and farm.state("ann", job)["state"] == "done", f"job {job} does not end\n{story()}", 60)
+            self.wait_for(lambda job=job: look() and self.state("ann", job)["state"] == "done", f"job {job} does not end\n{story()}", 60)
         # Hosts go while the last job is under way.
-        farm.wait_for(lambda: look()["there"] == 1, f"the hosts stay: {seen}\n{story()}", 40)
-        under_way = farm.state("root", later)["state"] == "running"
-        state = farm.wait_for_end("root", later)
+        self.wait_for(lambda: look()["there"] == 1, f"the hosts stay: {seen}\n{story()}", 40)
+        under_way = self.state("root", later)["state"] == "running"
+        state = self.wait_for_end("root", later)
         self.assertAlmostEqual(state["deadline_at"], state["submitted_at"] + 3600, delta=1e-3)
-        farm.wait_for(lambda: look()["wanted"] == 1 and not self.wanted()["surplus"], "it does not come to rest")
+        self.wait_for(lambda: look()["wanted"] == 1 and not self.wanted()["surplus"], "it does not come to rest")
         print(f"hosts (wanted, there): {seen}; the last job was still running when one host was left: {under_way}", flush=True)
         self.assertEqual(max(there for _, there in seen), MOST)
         # Nothing is lost: every picture is that of one host, at the first attempt, and who went has handed over.
         wasted = 0
-        alone = {user: farm.reference(f"alone-{user}", support.SCENE, "--threads", 2, *options) for user, options in (("ann", one), ("root", last))}
+        alone = {user: self.reference(f"alone-{user}", support.SCENE, "--threads", 2, *options) for user, options in (("ann", one), ("root", last))}
         for user, job in [*(("ann", j) for j in burst), ("root", later)]:
-            self.assertEqual([f["attempts"] for f in farm.state(user, job)["frames"]], [1])
-            report = farm.ask(user, "GET", f"/v1/jobs/{job}/frames/0/report")[1]
+            self.assertEqual([f["attempts"] for f in self.state(user, job)["frames"]], [1])
+            report = self.ask(user, "GET", f"/v1/jobs/{job}/frames/0/report")[1]
             self.assertFalse([h["name"] for h in report["hosts"] if h.get("lost")], "a host was lost instead of leaving")
             wasted += report["wasted_paths"]
             if job == later:
                 self.assertGreater(sum(h["left_s"] is not None for h in report["hosts"]), 0, "no host has left in its middle")
-            self.assertTrue(np.array_equal(farm.picture(user, job), alone[user]), f"job {job} differs")
+            self.assertTrue(np.array_equal(self.picture(user, job), alone[user]), f"job {job} differs")
         print(f"paths that were made twice: {wasted}", flush=True)
         scaler.send_signal(signal.SIGTERM)
         self.assertEqual(scaler.wait(30), 0, story())
-        text = (farm.folder / "scaler.log").read_text()
+        text = (self.folder / "scaler.log").read_text()
         self.assertEqual(text.count("has ended with code 0"), text.count(" start elastic"), text)
         self.assertEqual(text.count("has ended with code"), text.count("has ended with code 0"), text)
         self.assertGreaterEqual(text.count(" end elastic"), MOST - 1)

@@ -1,109 +1,20 @@
 """A service with pool workers and several users: uploads, jobs, pictures, what users may see, kills, and a restart."""
 import hashlib
-import http.client
-import json
 import os
-import pathlib
-import shutil
 import socket
 import time
-import unittest
 
 import numpy as np
+import service_support
 import support
 from support import measure
 
-TOKEN = "the cluster's secret"
-USERS = {"ann": {}, "bob": {"share": 2}, "root": {"admin": True, "priority_limit": 5}}
 SPLIT = ["--part-size", "512KiB"]
+HEAD = 'Film "image" "integer xresolution" 16 "integer yresolution" 16 Camera "perspective" WorldBegin '
 FAST = ["--spp", "4", "--resolution", "80x80", *SPLIT]
 
 
-class Service(support.ClusterTest):
-    def setUp(self):
-        super().setUp()
-        os.environ["CLOUDRENDERER_TOKEN"] = TOKEN
-        self.addCleanup(os.environ.pop, "CLOUDRENDERER_TOKEN", None)
-        self.pool_port, self.api_port = support.free_ports(2)
-        users = [{"name": n, "token_sha256": hashlib.sha256(f"{n}'s token".encode()).hexdigest(), **more} for n, more in USERS.items()]
-        (self.folder / "users.json").write_text(json.dumps({"users": users}))
-        (self.folder / "prices.json").write_text(json.dumps({"currency": "EUR", "other": 3600}))
-        for name in USERS:
-            (self.folder / f"{name}.token").write_text(f"{name}'s token\n")
-
-    def tearDown(self):
-        for folder in (self.folder / "data").rglob("*"):  # scenes are read-only folders
-            if folder.is_dir() and not folder.is_symlink():
-                folder.chmod(0o755)
-
-    def serve(self, workers=2, memory="64MiB", *options):
-        self.service = self.start("service", "manager", "--serve", self.folder / "data", "--listen", f"127.0.0.1:{self.pool_port}", "--api",
-                                  f"127.0.0.1:{self.api_port}", "--users", self.folder / "users.json", "--prices", self.folder / "prices.json",
-                                  "--log-level", "info", *options)
-        self.assertTrue(support.wait_until_listening(self.api_port), self.service.text())
-        for i in range(workers):
-            self.start_worker(f"worker{i}", self.pool_port, 0, memory)
-        self.wait_for(lambda: len(self.ask("root", "GET", "/v1/hosts")[1]) == workers, "the workers do not come")
-
-    def start_worker(self, name, manager_port, port, memory, *options):
-        return self.start(name, "worker", "--manager", f"127.0.0.1:{manager_port}", "--threads", 1, "--memory", memory, "--name", name, *options)
-
-    def wait_for(self, condition, complaint, seconds=60):
-        end = time.monotonic() + seconds
-        while not condition():
-            self.assertLess(time.monotonic(), end, f"{complaint}\n{self.logs()}")
-            time.sleep(0.1)
-
-    def ask(self, user, method, path, body=None, headers=None):
-        """The status and the answer: JSON where it is."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.api_port, timeout=30)
-        try:
-            given = {"Authorization": f"Bearer {user}'s token"} if user else {}
-            data = json.dumps(body) if isinstance(body, (dict, list)) else body
-            connection.request(method, path, data, given | (headers or {}))
-            answer = connection.getresponse()
-            content = answer.read()
-            return answer.status, json.loads(content) if answer.getheader("Content-Type", "").startswith("application/json") and content else content
-        finally:
-            connection.close()
-
-    def command(self, user, *arguments, code=0):
-        result = measure.run([support.PROGRAM, arguments[0], "--service", f"http://127.0.0.1:{self.api_port}", "--user-token-file",
-                              self.folder / f"{user}.token", *arguments[1:]], timeout=120)
-        self.assertEqual(result.code, code, f"{arguments}: {result.output}\n{self.logs()}")
-        return result.output
-
-    def submit(self, user, *arguments):
-        return int(self.command(user, "submit", "--quiet", *arguments).split()[-1])
-
-    def state(self, user, job):
-        return self.ask(user, "GET", f"/v1/jobs/{job}")[1]
-
-    def wait_for_end(self, user, job, wanted="done", seconds=60):
-        self.wait_for(lambda: self.state(user, job)["state"] in ("done", "failed", "cancelled", "paused"), f"job {job} does not end", seconds)
-        state = self.state(user, job)
-        self.assertEqual(state["state"], wanted, f"{state}\n{self.logs()}")
-        return state
-
-    def picture(self, user, job, frame=0):
-        status, content = self.ask(user, "GET", f"/v1/jobs/{job}/frames/{frame}/picture.exr")
-        self.assertEqual(status, 200, content)
-        path = self.folder / f"got-{job}-{frame}.exr"
-        path.write_bytes(content)
-        return measure.read_rgb(path)
-
-    def reference(self, name, scene, *options):
-        out = self.folder / f"{name}.exr"
-        result = measure.run([support.PROGRAM, "render", scene, "-o", out, "--quiet", *options], timeout=100)
-        self.assertEqual(result.code, 0, result.output)
-        return measure.read_rgb(out)
-
-    def write(self, name, text):
-        path = self.folder / "scenes" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-        return path
-
+class Service(service_support.ServiceTest):
     def test_users_render_side_by_side_and_see_only_their_own(self):
         self.serve()
         ann = self.submit("ann", support.SCENE, *FAST)
@@ -170,7 +81,7 @@ class Service(support.ClusterTest):
 
     def test_scenes_that_cannot_be_and_jobs_that_are_ended(self):
         self.serve(1, memory="32MiB")
-        head = 'Film "image" "integer xresolution" 16 "integer yresolution" 16 Camera "perspective" WorldBegin '
+        head = HEAD
         broken = self.write("broken.pbrt", head + '\nShape "sphere" "float radius" [-2]\nWorldEnd\n')
         secret = self.write("../secret.ply", "ply\n")
         good = self.write("good.pbrt", head + 'Shape "sphere"\nWorldEnd\n')
@@ -217,6 +128,34 @@ class Service(support.ClusterTest):
         self.command("ann", "resume", job, "--budget", 1000)
         state = self.wait_for_end("ann", job)
         self.assertTrue(np.array_equal(self.picture("ann", job), self.reference("ann", support.SCENE, "--spp", spp, "--resolution", "80x80", *SPLIT)))
+
+    def test_what_users_remove_and_what_is_kept_too_long_goes(self):
+        port = support.free_ports(1)[0]
+        self.SERVE = ("--log-level", "info", "--keep", "6s", "--disk", "1KiB", "--jobs-at-once", 1, "--ports", f"{port}-{port}")
+        self.serve(1)
+        scene = self.write("good.pbrt", HEAD + 'Shape "sphere"\nWorldEnd\n')
+        with socket.socket() as other:  # somebody else has the only port
+            other.bind(("127.0.0.1", port))
+            other.listen()
+            refused = self.submit("ann", scene, "--retries", 0)
+            self.assertIn(f"none of the ports {port}-{port} (--ports) is free", self.wait_for_end("ann", refused, "failed")["reason"])
+        first = self.submit("ann", scene)
+        self.wait_for_end("ann", first)
+        self.assertIn(f"listening on 127.0.0.1:{port}", self.command("ann", "logs", first, "--frame", 0))
+        used = self.ask("ann", "GET", "/v1/usage")[1]["users"][0]
+        self.assertGreater(used["service_cpu_s"], 0)
+        self.command("bob", "remove", first, code=2)
+        self.assertIn(f"job {first} is removed", self.command("ann", "remove", first))
+        self.assertEqual(self.ask("ann", "GET", f"/v1/jobs/{first}")[0], 404)
+        self.assertFalse((self.folder / "data/jobs" / str(first)).exists())
+        second = self.submit("ann", scene)
+        self.assertGreater(second, first)
+        self.wait_for_end("ann", second)
+        self.wait_for(lambda: self.ask("ann", "GET", "/v1/jobs")[1] == [], "the job is kept for ever", 20)
+        self.assertEqual(list((self.folder / "data/jobs").iterdir()), [])
+        self.wait_for(lambda: not any((self.folder / "data/splits").iterdir()), "the split is kept, which nobody needs")
+        self.wait_for(lambda: not any((self.folder / "data/trash").iterdir()), "the trash is not emptied")
+        self.assertGreaterEqual(self.ask("ann", "GET", "/v1/usage")[1]["users"][0]["cpu_s"], used["cpu_s"])
 
     def test_uploads_go_on_and_requests_are_checked(self):
         self.serve(0)
