@@ -1,5 +1,6 @@
 #include "web/job_view.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "tasks/task.h"
@@ -108,6 +109,17 @@ void add_point(std::vector<CostPoint>& history, const CostPoint& point) {
     history.resize((history.size() + 1) / 2);
   }
   history.push_back(point);
+}
+
+Json progress_json(const JobView& job) {
+  const auto& estimate = job.progress.estimate;
+  return {{"phase", job.phase},
+          {"waiting_for", job.waiting_for},
+          {"render_s", job.progress.render_s},
+          {"paths_done", job.progress.paths_done},
+          {"paths_total", job.progress.paths_total},
+          {"estimated_relmse", estimate ? Json(estimate->relmse) : Json(nullptr)},
+          {"hosts", std::ranges::count_if(job.hosts, [](const HostView& h) { return !h.left_s; })}};
 }
 
 Json to_json(const JobView& job) {

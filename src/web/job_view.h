@@ -44,6 +44,7 @@ struct JobView {
 
 JobView job_view(const std::string& scene, const RenderView& view);
 nlohmann::ordered_json to_json(const JobView& job);
+nlohmann::ordered_json progress_json(const JobView& job);  // of that, what fits into a line
 // In Prometheus's text format.
 std::string metrics_text(const JobView& job);
 
