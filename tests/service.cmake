@@ -1,4 +1,5 @@
 cloudrenderer_test(service_tests LABEL unit
   SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/service_scheduler_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/service_store_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/service_files_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/service_api_test.cpp
+          ${CMAKE_CURRENT_SOURCE_DIR}/service_window_test.cpp
   LINK cr_service)

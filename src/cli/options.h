@@ -90,6 +90,7 @@ struct FetchOptions {
   ServiceAddress service;
   std::uint64_t job = 0;
   std::string output;
+  bool preview = false;  // of frames that are not done what there is
 };
 struct CancelOptions {
   ServiceAddress service;

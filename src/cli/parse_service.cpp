@@ -15,7 +15,7 @@ struct ServiceCommands::Given {
   std::vector<std::string> scenes;
   std::string name, priority, retries, timeout, budget, on_budget, job, frame, output;
   std::string spp, max_depth, seed, max_error, resolution, crop, integrator, dialect, part_size;
-  bool wait = false, quiet = false;
+  bool wait = false, quiet = false, preview = false;
   // manager --serve
   std::string folder, api, users, prices, advertise, jobs_at_once, patience, user_bytes, child_memory;
 
@@ -68,6 +68,7 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
   g.status->add_option("job", g.job, "number of a job (default: a list of all)");
   for (CLI::App* command : {g.fetch, g.cancel, g.resume, g.logs}) command->add_option("job", g.job, "number of the job")->required();
   g.fetch->add_option("-o,--output", g.output, "folder to write to (default: here)");
+  g.fetch->add_flag("--preview", g.preview, "what there is of unfinished frames, too, as NAME.preview.exr");
   g.resume->add_option("--budget", g.budget, "money that the job may cost from now on, what it has cost included");
   g.logs->add_option("--frame", g.frame, "the log of this frame, counted from 0");
   for (CLI::App* command : {g.submit, g.status, g.fetch, g.cancel, g.resume, g.logs}) g.add_address(*command);
@@ -146,7 +147,7 @@ std::optional<Command> ServiceCommands::read() const {
     return o;
   }
   if (g.status->parsed()) return StatusOptions{g.address(), g.job.empty() ? 0 : g.job_number()};
-  if (g.fetch->parsed()) return FetchOptions{g.address(), g.job_number(), g.output};
+  if (g.fetch->parsed()) return FetchOptions{g.address(), g.job_number(), g.output, g.preview};
   if (g.cancel->parsed()) return CancelOptions{g.address(), g.job_number()};
   if (g.resume->parsed()) {
     ResumeOptions o{g.address(), g.job_number(), std::nullopt};

@@ -367,7 +367,9 @@ void Service::give_orders() {
 }
 
 void Service::keep(double now) {
-  dirty_.merge(scheduler_.take_changed());
+  std::set<std::uint64_t> changed_now = scheduler_.take_changed();
+  for (const std::uint64_t id : changed_now) versions_[id] = ++version_;
+  dirty_.merge(changed_now);
   bool news = now > kept_ + kKeepEvery;  // sums alone can wait: hosts say them again
   std::vector<const Job*> changed;
   for (const std::uint64_t id : dirty_) {

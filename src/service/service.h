@@ -33,6 +33,26 @@ struct ServiceConfig {
   std::uint64_t user_bytes = std::uint64_t{100} << 30;  // that one user may have uploaded
 };
 
+// How far a frame is that runs.
+struct FrameProgress {
+  std::string phase;
+  double share = 0;  // of 1
+  std::optional<double> estimated_relmse;
+  std::uint32_t hosts = 0;
+  bool operator==(const FrameProgress&) const = default;
+};
+
+// Where a picture of a frame is: at the window of its manager while it runs, or in its folder.
+struct FrameView {
+  std::string window;  // its URL, or
+  std::string folder;  // with picture.exr, of a frame that is done or was stopped
+};
+
+// What somebody who looks on has been told: versions of jobs.
+struct WatchedJobs {
+  std::map<std::uint64_t, std::uint64_t> versions;
+};
+
 // Jobs of users, rendered by children of this process on the hosts of a pool. step() belongs to one thread, on which
 // children are started (they end with it); everything else may be called by any, and throws ApiError.
 class Service {
@@ -70,6 +90,12 @@ class Service {
   // The window of a frame that runs: its URL.
   std::string frame_window(const Caller& caller, std::uint64_t id, std::uint64_t frame);
 
+  // Rows of jobs that have changed since, of about so many bytes, and the numbers of those that are gone.
+  Json changed_jobs(const Caller& caller, WatchedJobs& seen, std::size_t bytes) const;
+  FrameView frame_view(const Caller& caller, std::uint64_t id, std::uint64_t frame) const;
+  std::vector<std::pair<FrameRef, std::string>> windows() const;  // of the frames that run
+  void set_progress(std::map<FrameRef, FrameProgress> progress);  // of the frames that run
+
   Json hosts();
   Json usage(const Caller& caller);
   std::string metrics(const Caller& caller);
@@ -89,6 +115,7 @@ class Service {
   const Job& job_of(const Caller& caller, std::uint64_t id) const;
   std::string frame_folder(FrameRef ref) const;
   std::string split_folder(const Job& job, const JobFrame& frame) const;
+  Json watch_row(const Job& job) const;
   std::string shown(const std::string& text) const;  // without the names of our folders
   void act(const Scheduler::Action& action, double now);
   void start_split(FrameRef ref, double now);
@@ -117,6 +144,9 @@ class Service {
   std::map<std::uint64_t, std::string> states_;                  // of jobs, when last noted
   std::set<std::uint64_t> dirty_;  // jobs that have changed since they were kept
   double users_read_ = 0, kept_ = 0;
+  std::map<FrameRef, FrameProgress> progress_;
+  std::map<std::uint64_t, std::uint64_t> versions_;  // of jobs that have changed in this life
+  std::uint64_t version_ = 1;
 };
 
 }  // namespace cloudrenderer
