@@ -125,14 +125,19 @@ std::optional<std::string> Hub::Viewer::next() {
     const Time now = std::chrono::steady_clock::now();
     due_ = now + kBeat;
     last = hub_.closed_;
-    const std::size_t budget = kBytesPerSecond / 4 / std::max<std::size_t>(1, hub_.viewers_);
+    // What was sent beyond a beat's share, or beside tiles, is made up for.
+    const std::size_t share = kBytesPerSecond / 4 / std::max<std::size_t>(1, hub_.viewers_), budget = share - std::min(share, owed_);
+    owed_ -= share - budget;
     if (hub_.job_ != job_ && (now >= job_due_ || last)) job = hub_.job_;
     if (!began_ && (job || job_) && hub_.coarse_joins_ >= joined_) {  // behind the job, which has the picture's size
       began_ = true;
       coarse = hub_.coarse_;
-      due_ += kBeat * (coarse->size() / budget);
-    } else if (began_ || last) {
+      owed_ += coarse->size();
+    } else if (last || (began_ && budget > 0)) {
       tiles = hub_.board_.next(tiles_, last ? std::string::npos : budget);
+      std::size_t sent = 0;
+      for (const TileBoard::Bytes& t : tiles) sent += t->size();
+      owed_ += sent - std::min(sent, budget);
     }
   }
   std::string out;
@@ -141,6 +146,7 @@ std::optional<std::string> Hub::Viewer::next() {
     const std::string text = to_json(*job).dump();
     // A job of a thousand hosts is long to tell: at most a fifth of the time goes to it.
     job_due_ = due_ + std::chrono::microseconds(5 * text.size() * 1'000'000 / kBytesPerSecond);
+    owed_ += text.size();
     append_frame(out, FrameKind::job, text);
   }
   if (coarse) append_frame(out, FrameKind::coarse, *coarse);

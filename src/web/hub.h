@@ -50,6 +50,7 @@ class Hub {
     Hub& hub_;
     std::uint64_t joined_ = 0;  // as the hub counts
     bool began_ = false;        // it has the coarse picture
+    std::size_t owed_ = 0;      // bytes that it has had too early
     TileBoard::Viewer tiles_;
     std::shared_ptr<const JobView> job_;
     Time due_{};  // of the next frames
