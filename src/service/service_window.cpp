@@ -9,6 +9,7 @@
 #include "film/encode_image.h"
 #include "service/finished_frame.h"
 #include "web/http_server.h"
+#include "web/hub.h"
 
 namespace cloudrenderer {
 namespace {
@@ -111,7 +112,7 @@ struct ServiceWindow::JobStream {
   }
 };
 
-ServiceWindow::ServiceWindow(Service& service) : service_(service), seats_(kMostStreams, kMostOfUser), poller_([this] { poll(); }) {}
+ServiceWindow::ServiceWindow(Service& service) : service_(service), seats_(kMostStreams, kMostOfUser), frame_seats_(kMostStreams, Hub::kMaxViewers), poller_([this] { poll(); }) {}
 
 ServiceWindow::~ServiceWindow() {
   close();
@@ -171,8 +172,8 @@ void ServiceWindow::send_jobs(const Look& look) {
 
 void ServiceWindow::send_stream(const Look& look) {
   const FrameView view = service_.frame_view(look.caller, look.job, look.frame);
-  const auto seat = seats_.take(look.caller.name);
-  if (!seat) throw ApiError(429, "there are viewers enough");
+  const auto seat = seats_.take(look.caller.name), frame_seat = frame_seats_.take(std::to_string(look.job) + "." + std::to_string(look.frame));
+  if (!seat || !frame_seat) throw ApiError(429, "there are viewers enough");
   const char* type = "application/octet-stream";
   if (view.window.empty()) {
     const Json job = service_.job(look.caller, look.job), frame = job.at("frames").at(look.frame);
@@ -192,7 +193,7 @@ void ServiceWindow::send_stream(const Look& look) {
     return;
   }
   look.response.set_chunked_content_provider(
-      type, [this, seat, url = view.window, caller = look.caller, token = look.token](std::size_t, httplib::DataSink& sink) {
+      type, [this, seat, frame_seat, url = view.window, caller = look.caller, token = look.token](std::size_t, httplib::DataSink& sink) {
         const auto client = manager_client(url);
         client->set_read_timeout(kManagerPatience);
         auto asked = SteadyClock::now();

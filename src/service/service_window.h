@@ -61,7 +61,7 @@ class ServiceWindow {
   void poll();
 
   Service& service_;
-  Seats seats_;
+  Seats seats_, frame_seats_;  // of users, of frames
   std::mutex reading_;  // one finished picture at a time
   std::atomic<bool> closing_ = false;
 

@@ -5,7 +5,8 @@ let looking = null;  // { job, frame, stop } of the frame's stream
 let nudge = () => {};  // the row of the job that is looked at has changed
 const ended = row => ["done", "failed", "cancelled"].includes(row.state);
 const rank = row => ended(row) ? 2 : row.state === "running" ? 0 : 1;  // in the list
-const money = (n, digits = 2) => n.toFixed(n > 0 && n < 0.1 ? 4 : digits) + (currency ? " " + currency : "");
+const amount = n => n.toFixed(n > 0 && n < 0.1 ? 4 : 2);
+const money = (n, most) => amount(n) + (most === null ? "" : " of " + amount(most)) + (currency ? " " + currency : "");
 const titleOf = row => row.name || row.file || "job " + row.id;
 
 document.body.classList.add("service");
@@ -34,9 +35,9 @@ function summary(row) {
   return said.join(" · ");
 }
 function costOf(row) {
-  return (currency ? money(row.cost) : seconds(row.host_s) + " of hosts") + (row.budget !== null ? " of " + money(row.budget) : "");
+  return currency ? money(row.cost, row.budget) : seconds(row.host_s) + " of hosts";
 }
-const costWords = row => (currency ? costOf(row) + ", " : "") + `${seconds(row.host_s)} of hosts, ${seconds(row.cpu_s)} of processors`;
+const costs = row => [...(currency ? [["cost", costOf(row)]] : []), ["hosts' time", seconds(row.host_s)], ["processors' time", seconds(row.cpu_s)]];
 function card(row) {
   let c = cards.get(row.id);
   if (!c) {
@@ -85,7 +86,7 @@ function take(line) {
   if (line.usage) {
     currency = line.usage.currency;
     const own = line.usage.users[0];
-    $("spent").textContent = own ? "used: " + (currency ? money(own.cost) + (own.budget !== null ? " of " + money(own.budget) : "") + ", " : "") +
+    $("spent").textContent = own ? "used: " + (currency ? money(own.cost, own.budget) + ", " : "") +
       seconds(own.cpu_s) + " of processors" : "";
   }
   if (line.hosts) {
@@ -158,7 +159,7 @@ function showRow(r) {
   document.title = titleOf(r) + " – cloudrenderer";
   $("phase").textContent = r.state;
   $("done").style.width = 100 * r.progress + "%";
-  list("facts", [["cost", costWords(r)], ["submitted", new Date(1000 * r.submitted_at).toLocaleString()], ["priority", r.priority]]);
+  list("facts", [...costs(r), ["submitted", new Date(1000 * r.submitted_at).toLocaleString()], ["priority", r.priority]]);
   empty(r.reason || { checking: "The scene is being split.", queued: "Waits for its turn.", running: "A manager starts.", paused: "Stopped." }[r.state] || "There is no picture.");
 }
 function phrase(r) {
@@ -200,9 +201,10 @@ async function look(id, frame) {
           show(titleOfFrame(r));
           showJob();
           // A pool's hosts work for others too: what the job has cost is what the meter says.
-          list("facts", facts().map(f => f[0] === "cost" ? ["cost", costWords(r)] : f));
+          list("facts", facts().flatMap(f => f[0] === "cost" ? costs(r) : [f]));
           whole = ["done", "stopped"].includes(job.phase);
         });
+      else if (answer.status !== 404 && looking === mine) $("note").textContent = await why(answer);
     } catch { /* aborted, or the service is gone: the list says so */ }
     if (looking !== mine) return;
     // A whole picture changes only if the frame is rendered anew.
