@@ -52,6 +52,9 @@ class Window(service_test.Service):
         self.serve(1)
         other = self.long_job("bob", "--seed", 5)
         job = self.long_job("ann")
+        status, page = self.ask(None, "GET", "/")  # which asks for the token
+        self.assertEqual((status, page[:15]), (200, b"<!doctype html>"))
+        self.assertNotRegex(page, rb"""(src|href)=["'](?!data:)""", "the page is one file")
         first = self.preview("ann", job)
         self.assertEqual(first.shape, (SIZE, SIZE, 3))
         reference = self.reference("small", support.SCENE, "--spp", 16, "--resolution", f"{SIZE}x{SIZE}", *service_test.SPLIT)
