@@ -55,6 +55,8 @@ TEST_F(ServiceCommandLine, OtherCommandsNameTheirJob) {
   EXPECT_EQ(std::get<StatusOptions>(parse({"status"})).job, 0u);
   EXPECT_EQ(std::get<StatusOptions>(parse({"status", "3", "--service", "http://other"})).service.url, "http://other");
   EXPECT_EQ(std::get<FetchOptions>(parse({"fetch", "3", "-o", "x"})).output, "x");
+  EXPECT_FALSE(std::get<FetchOptions>(parse({"fetch", "3"})).preview);
+  EXPECT_TRUE(std::get<FetchOptions>(parse({"fetch", "3", "--preview"})).preview);
   EXPECT_EQ(std::get<CancelOptions>(parse({"cancel", "3"})).job, 3u);
   EXPECT_EQ(std::get<RemoveOptions>(parse({"remove", "3"})).job, 3u);
   EXPECT_EQ(std::get<ResumeOptions>(parse({"resume", "3", "--budget", "7"})).budget, 7);

@@ -108,10 +108,13 @@ TEST(ElasticInput, BudgetsAreTheJobsAndTheUsers) {
 }
 
 TEST(ElasticInput, HostsHoldWhatNobodyElseHolds) {
-  const Json window = Json::parse(R"({"paths_done": 5, "paths_total": 9, "hosts": [
+  const Json window = Json::parse(R"({"phase": "rendering", "estimated_relmse": 0.5, "paths_done": 5, "paths_total": 9, "hosts": [
     {"name": "a", "left_s": null, "parts": [0, 1, 2]}, {"name": "b", "left_s": null, "parts": [0, 2, 3, 4]}, {"name": "c", "left_s": 3.5, "parts": [1]}]})");
   const FrameProgress progress = frame_progress(window);
   EXPECT_EQ(progress.paths_total, 9);
+  EXPECT_EQ(progress.phase, "rendering");
+  EXPECT_EQ(progress.estimated_relmse, 0.5);
+  EXPECT_EQ(progress.hosts, 2u);
   EXPECT_EQ(progress.lone_parts, (std::map<std::string, std::uint64_t>{{"a", 1}, {"b", 2}}));
   std::map<std::uint64_t, ServiceHost> hosts;
   hosts[7].name = "b";

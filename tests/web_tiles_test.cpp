@@ -65,6 +65,28 @@ TEST(TileWatch, ChoosesEveryTileOnceThenOnlyWhatHasChanged) {
   EXPECT_TRUE(watch.choose(g.cluster->core, 1000000).empty());
 }
 
+TEST(CoarsePicture, HasEveryStepOfAllThePicture) {
+  Growing g;
+  g.cluster->work();
+  const Film& film = g.cluster->core.film();
+  for (const std::size_t most : {1u, 15u, 16u, 1000u, 4096u}) {
+    const std::string bytes = encode_coarse(g.cluster->core, 1.f, most);
+    std::vector<std::uint32_t> words(bytes.size() / 4);
+    std::memcpy(words.data(), bytes.data(), bytes.size());
+    const std::uint32_t step = words[0], w = words[1], h = words[2];
+    EXPECT_EQ(w, (64 + step - 1) / step);
+    EXPECT_EQ(h, w);
+    ASSERT_EQ(words.size(), 3 + w * h);
+    EXPECT_LE(w * h, most);
+    const std::uint32_t finer = step > 1 ? (64 + step - 2) / (step - 1) : 0;
+    if (step > 1) {
+      EXPECT_GT(finer * finer, most) << "a finer one would do";
+    }
+    const std::uint32_t x = std::min(63u, (w - 1) * step + step / 2), y = std::min(63u, step / 2);
+    EXPECT_EQ(words[3 + w - 1], pack_rgb9e5(film.colour(film.sums()[y * 64 + x], 1.f)));
+  }
+}
+
 TEST(TileWatch, ChoosesOneTileEvenIfThatIsTooMuch) {
   Growing g;
   g.cluster->work();

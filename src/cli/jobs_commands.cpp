@@ -79,14 +79,15 @@ int run_fetch(const FetchOptions& o) {
   const fs::path folder = o.output.empty() ? "." : o.output;
   fs::create_directories(folder);
   std::size_t got = 0;
+  const std::string ending = o.preview ? "preview.exr" : "picture.exr";
   std::map<std::string, int> names;
   for (const Json& f : j.at("frames")) ++names[fs::path(text(f, "file")).stem().string()];
   for (const Json& f : j.at("frames")) {
     const std::uint64_t frame = f.at("frame");
     std::string name = fs::path(text(f, "file")).stem().string();
     if (names[name] > 1) name += fmt::format("-{:04}", frame);
-    const std::string to = (folder / (name + ".exr")).string();
-    if (!client.download(fmt::format("{}/frames/{}/picture.exr", job_path(o.job), frame), to)) continue;
+    const std::string to = (folder / (name + (o.preview && text(f, "state") != "done" ? ".preview.exr" : ".exr"))).string();
+    if (!client.download(fmt::format("{}/frames/{}/{}", job_path(o.job), frame, ending), to)) continue;
     fmt::print("{}\n", to);
     ++got;
   }

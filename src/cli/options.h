@@ -91,6 +91,7 @@ struct FetchOptions {
   ServiceAddress service;
   std::uint64_t job = 0;
   std::string output;
+  bool preview = false;  // of frames that are not done what there is
 };
 struct RemoveOptions {
   ServiceAddress service;

@@ -15,7 +15,7 @@ struct ServiceCommands::Given {
   std::vector<std::string> scenes;
   std::string name, priority, retries, timeout, budget, on_budget, deadline, job, frame, output;
   std::string spp, max_depth, seed, max_error, resolution, crop, integrator, dialect, part_size;
-  bool wait = false, quiet = false, hosts = false;
+  bool wait = false, quiet = false, hosts = false, preview = false;
   // manager --serve
   std::string folder, api, users, prices, advertise, jobs_at_once, patience, user_bytes, child_memory, keep, disk, ports;
   std::string max_hosts, host_start, host_worth, host_idle;
@@ -72,6 +72,7 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
   g.status->add_flag("--hosts", g.hosts, "instead: hosts that are there, and how many of which kind would help now");
   for (CLI::App* command : {g.fetch, g.cancel, g.remove, g.resume, g.logs}) command->add_option("job", g.job, "number of the job")->required();
   g.fetch->add_option("-o,--output", g.output, "folder to write to (default: here)");
+  g.fetch->add_flag("--preview", g.preview, "what there is of unfinished frames, too, as NAME.preview.exr");
   g.resume->add_option("--budget", g.budget, "money that the job may cost from now on, what it has cost included");
   g.logs->add_option("--frame", g.frame, "the log of this frame, counted from 0");
   for (CLI::App* command : {g.submit, g.status, g.fetch, g.cancel, g.remove, g.resume, g.logs}) g.add_address(*command);
@@ -183,7 +184,7 @@ std::optional<Command> ServiceCommands::read() const {
     if (g.hosts && !g.job.empty()) throw UsageError("status --hosts is of the service, not of a job");
     return StatusOptions{g.address(), g.job.empty() ? 0 : g.job_number(), g.hosts};
   }
-  if (g.fetch->parsed()) return FetchOptions{g.address(), g.job_number(), g.output};
+  if (g.fetch->parsed()) return FetchOptions{g.address(), g.job_number(), g.output, g.preview};
   if (g.cancel->parsed()) return CancelOptions{g.address(), g.job_number()};
   if (g.remove->parsed()) return RemoveOptions{g.address(), g.job_number()};
   if (g.resume->parsed()) {

@@ -39,7 +39,10 @@ class Worker {
         fetcher_(std::make_shared<BlobFetcher>(
             [this](wire::Message m) { deliver(kManager, std::move(m)); })),
         loader_(config.threads, config.memory, {nullptr, config.parts, fetcher_, config.seat}) {
-    if (config_.seat) config_.seat->set_memory([this] { return loader_.own_bytes(); });
+    if (config_.seat) {
+      config_.seat->set_memory([this] { return loader_.own_bytes(); });
+      began_cpu_s_ = config_.seat->host().meter.cpu_s(config_.seat->account());
+    }
   }
   ~Worker() {
     if (config_.seat) config_.seat->set_memory(nullptr);
@@ -281,6 +284,7 @@ class Worker {
     if (config_.seat) {
       const std::lock_guard lock(told_mutex_);
       Meter::Account& account = config_.seat->account();
+      c.cpu_s = config_.seat->host().meter.cpu_s(account) - began_cpu_s_;  // not the other orders'
       account.bytes_sent += c.bytes_sent - std::exchange(told_sent_, c.bytes_sent);
       account.bytes_received += c.bytes_received - std::exchange(told_received_, c.bytes_received);
     }
@@ -315,6 +319,7 @@ class Worker {
   bool job_over_ = false, leaving_ = false;
   End end_ = End::over;
   std::mutex told_mutex_;  // not sync_mutex_: counters() is called under the node's, which is taken under that one
+  double began_cpu_s_ = 0;  // of the seat's account, which earlier tries of the frame have used too
   std::uint64_t told_sent_ = 0, told_received_ = 0;  // to the seat
   std::string error_;
   std::unique_ptr<WorkerNode> node_;  // last: its threads use the rest

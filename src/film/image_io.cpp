@@ -16,7 +16,7 @@
 #include <system_error>
 
 #include "base/portable_math.h"
-#include "film/film.h"
+#include "film/encode_image.h"
 
 namespace cloudrenderer {
 namespace {
@@ -109,8 +109,8 @@ void write_file(const std::string& path, std::span<const unsigned char> bytes) {
 
 }  // namespace
 
-void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
-                 const ImageHeader& header, std::span<const ImageChannel> channels) {
+std::vector<unsigned char> encode_image(const std::string& path, const Image& image, const FilmFrame& frame,
+                                        const ImageHeader& header, std::span<const ImageChannel> channels) {
   if (image.width != frame.crop_width() || image.height != frame.crop_height() ||
       image.pixels.size() != frame.pixels() || image.pixels.empty())
     fail("write", path, "the picture does not have the film's size");
@@ -126,13 +126,11 @@ void write_image(const std::string& path, const Image& image, const FilmFrame& f
     spec.attribute("compression", "zip");
     for (const auto& [key, value] : header.words) spec.attribute(key, value);
     for (const auto& [key, value] : header.matrices) spec.attribute(key, OIIO::TypeDesc::TypeMatrix, &value[0][0]);
-    if (channels.empty()) {
-      write_file(path, encode(path, spec, OIIO::TypeDesc::FLOAT, image.pixels.data()));
-    } else {
-      const std::vector<std::uint32_t> pixels = with_channels(image, channels, spec);
-      write_file(path, encode(path, spec, OIIO::TypeDesc::UNKNOWN, pixels.data()));
-    }
-  } else if (extension == ".png" || extension == ".tga") {
+    if (channels.empty()) return encode(path, spec, OIIO::TypeDesc::FLOAT, image.pixels.data());
+    const std::vector<std::uint32_t> pixels = with_channels(image, channels, spec);
+    return encode(path, spec, OIIO::TypeDesc::UNKNOWN, pixels.data());
+  }
+  if (extension == ".png" || extension == ".tga") {
     std::vector<unsigned char> bytes;
     bytes.reserve(image.pixels.size() * 3);
     for (const Rgb& c : image.pixels)
@@ -140,12 +138,15 @@ void write_image(const std::string& path, const Image& image, const FilmFrame& f
         bytes.push_back(static_cast<unsigned char>(to_srgb(c[i]) * 255.f + 0.5f));
     OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
-    write_file(path, encode(path, spec, OIIO::TypeDesc::UINT8, bytes.data()));
-  } else if (extension == ".pfm") {
-    write_file(path, pfm(image));
-  } else {
-    fail("write", path, "the file name must end in " + image_extensions());
+    return encode(path, spec, OIIO::TypeDesc::UINT8, bytes.data());
   }
+  if (extension == ".pfm") return pfm(image);
+  fail("write", path, "the file name must end in " + image_extensions());
+}
+
+void write_image(const std::string& path, const Image& image, const FilmFrame& frame,
+                 const ImageHeader& header, std::span<const ImageChannel> channels) {
+  write_file(path, encode_image(path, image, frame, header, channels));
 }
 
 bool is_image_name(const std::string& path) {

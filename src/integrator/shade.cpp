@@ -17,7 +17,7 @@ constexpr std::uint16_t kMaxPassed = 1000;    // null surfaces in a row of one p
 constexpr std::int32_t kRouletteFrom = 1;    // vertex after which paths are thinned
 
 // A path survives with this times its largest throughput, at most surely. Thinning paths that carry more costs more error
-// than it saves time: src/README.md, decision 51.
+// than it saves time: src/README.md, decision 53.
 constexpr float kRouletteScale = 12.f;
 
 // The side whose light matters (see Lights::sample). The geometric normal decides, as in Bsdf: with a shading normal

@@ -12,8 +12,10 @@
 
 #include "base/log.h"
 #include "film/film.h"
+#include "service/service_window.h"
 #include "service/upload_request.h"
 #include "web/http_server.h"
+#include "web/page.h"
 
 namespace cloudrenderer {
 namespace {
@@ -29,7 +31,9 @@ constexpr std::time_t kPatience = 30;
 // One request on its way to its answer.
 struct Call {
   Service& service;
+  ServiceWindow& window;
   Caller caller;
+  std::string token;  // the caller's
   std::vector<std::string> names;  // what stands for the {..} of the route
   const Request& request;
   Response& response;
@@ -69,17 +73,7 @@ Json optional_body(const Call& call) {
 }
 
 void send_file(const Call& call, const std::string& path, const char* type) {
-  const auto file = std::make_shared<std::ifstream>(path, std::ios::binary);
-  std::error_code gone;
-  const std::uintmax_t bytes = fs::file_size(path, gone);
-  if (gone || !*file) throw ApiError(404, "there is no such file any more");
-  call.response.set_content_provider(bytes, type, [file](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
-    std::string buffer(std::min<std::size_t>(length, 1 << 16), '\0');
-    file->clear();
-    file->seekg(static_cast<std::streamoff>(offset));
-    file->read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    return file->gcount() > 0 && sink.write(buffer.data(), static_cast<std::size_t>(file->gcount()));
-  });
+  if (!cloudrenderer::send_file(call.response, path, type)) throw ApiError(404, "there is no such file any more");
 }
 
 void send_picture(const Call& call, const char* name) {
@@ -97,18 +91,7 @@ void send_png(const Call& call) {
   send_file(call, png, "image/png");
 }
 
-// How far a frame is, from the window of its manager, which only we can reach.
-void send_progress(const Call& call) {
-  const std::string url = call.service.frame_window(call.caller, number_of(call.names[0]), number_of(call.names[1]));
-  const std::size_t host = url.find("//");
-  httplib::Client client(url.substr(0, url.find('/', host + 2)));
-  client.set_read_timeout(5);
-  client.enable_server_certificate_verification(false);  // it is our child, on the loopback
-  if (!call.service.token().empty()) client.set_bearer_token_auth(call.service.token().c_str());
-  const auto got = client.Get("/api/jobs/1");
-  if (!got || got->status != 200) throw ApiError(404, "the frame does not run yet, or no more");
-  answer(call, Json::parse(got->body));
-}
+Look look_of(const Call& call) { return {call.caller, call.token, number_of(call.names[0]), number_of(call.names[1]), call.response}; }
 
 void send_frame(const Call& call) {
   const Json job = call.service.job(call.caller, number_of(call.names[0]));
@@ -143,7 +126,11 @@ const std::vector<Route>& table() {
        [](const Call& c) {
          c.response.set_content(c.service.frame_log(c.caller, number_of(c.names[0]), number_of(c.names[1])), "text/plain; charset=utf-8");
        }},
-      {"GET", "/v1/jobs/{job}/frames/{frame}/progress", send_progress},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/progress", [](const Call& c) { c.window.send_progress(look_of(c)); }},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/stream", [](const Call& c) { c.window.send_stream(look_of(c)); }},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/preview.exr", [](const Call& c) { c.window.send_preview(look_of(c), false); }},
+      {"GET", "/v1/jobs/{job}/frames/{frame}/preview.png", [](const Call& c) { c.window.send_preview(look_of(c), true); }},
+      {"GET", "/v1/watch", [](const Call& c) { c.window.send_jobs({c.caller, c.token, 0, 0, c.response}); }},
       {"GET", "/v1/jobs/{job}/frames/{frame}/report",
        [](const Call& c) {
          send_file(c, c.service.frame_file(c.caller, number_of(c.names[0]), number_of(c.names[1]), "report.json"), "application/json");
@@ -181,7 +168,7 @@ std::optional<std::vector<std::string>> match(std::string_view route, std::strin
 
 struct Api::Server {
   Server(Service& s, const Address& address, const TlsOptions& tls)
-      : service(s), listen(address), encrypted(encrypts(tls, address)), http(make_http_server(tls, encrypted, kThreads, "--api")) {
+      : service(s), listen(address), encrypted(encrypts(tls, address)), window(s), http(make_http_server(tls, encrypted, kThreads + ServiceWindow::kMostStreams, "--api")) {
     http->set_read_timeout(kPatience);
     http->set_write_timeout(kPatience);
     http->set_keep_alive_max_count(10'000);
@@ -208,6 +195,7 @@ struct Api::Server {
     thread = std::thread([this] { http->listen_after_bind(); });
   }
   ~Server() {
+    window.close();
     http->stop();
     thread.join();
   }
@@ -242,6 +230,7 @@ struct Api::Server {
 
   void handle(const Request& request, Response& response, const ContentReader* content) {
     const std::string method = request.method == "HEAD" ? "GET" : request.method;
+    if (request.path == "/" && method == "GET") return response.set_content(kServicePage.data(), kServicePage.size(), "text/html; charset=utf-8");
     std::string allowed;
     for (const Route& route : table()) {
       auto names = match(route.path, request.path);
@@ -250,7 +239,7 @@ struct Api::Server {
       if (route.method != method) continue;
       Caller caller;
       if (route.path != std::string_view("/v1/openapi.json")) caller = authenticate(request, response);
-      return route.handle({service, caller, std::move(*names), request, response, content});
+      return route.handle({service, window, caller, token_of(request), std::move(*names), request, response, content});
     }
     authenticate(request, response);
     if (allowed.empty()) throw ApiError(404, "there is nothing here");
@@ -258,10 +247,15 @@ struct Api::Server {
     throw ApiError(405, request.method.substr(0, 20) + " is not for this; there is " + allowed);
   }
 
-  Caller authenticate(const Request& request, Response& response) const {
+  static std::string token_of(const Request& request) {
     const std::string given = request.get_header_value("Authorization"), scheme = "Bearer ";
-    if (given.starts_with(scheme))
-      if (auto caller = service.users().find(given.substr(scheme.size()))) return *caller;
+    return given.starts_with(scheme) ? given.substr(scheme.size()) : "";
+  }
+
+  Caller authenticate(const Request& request, Response& response) const {
+    const std::string token = token_of(request);
+    if (!token.empty())
+      if (auto caller = service.users().find(token)) return *caller;
     response.set_header("WWW-Authenticate", "Bearer");
     throw ApiError(401, "a user's token is needed: Authorization: Bearer TOKEN");
   }
@@ -269,6 +263,7 @@ struct Api::Server {
   Service& service;
   const Address listen;
   const bool encrypted;
+  ServiceWindow window;  // outlives the server's threads
   std::unique_ptr<httplib::Server> http;
   int port = 0;
   std::thread thread;

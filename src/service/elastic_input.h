@@ -17,6 +17,11 @@ namespace cloudrenderer {
 struct FrameProgress {
   double paths_done = 0, paths_total = 0;
   std::map<std::string, std::uint64_t> lone_parts;  // by name of a host: parts that no other host holds
+  std::string phase = {};
+  std::uint32_t hosts = 0;
+  std::optional<double> estimated_relmse = {};
+  double share() const { return paths_total > 0 ? paths_done / paths_total : 0; }
+  bool operator==(const FrameProgress&) const = default;
 };
 using ProgressOf = std::map<FrameRef, FrameProgress>;
 

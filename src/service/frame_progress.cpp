@@ -20,9 +20,13 @@ FrameProgress frame_progress(const Json& job) {
   out.paths_total = job.at("paths_total");
   std::map<std::uint64_t, int> holders;
   const auto holds = [](const Json& host) { return host.at("left_s").is_null(); };
-  for (const Json& host : job.at("hosts"))
-    if (holds(host))
-      for (const Json& part : host.at("parts")) ++holders[part.get<std::uint64_t>()];
+  out.phase = job.at("phase");
+  if (const Json& error = job.at("estimated_relmse"); !error.is_null()) out.estimated_relmse = error.get<double>();
+  for (const Json& host : job.at("hosts")) {
+    if (!holds(host)) continue;
+    ++out.hosts;
+    for (const Json& part : host.at("parts")) ++holders[part.get<std::uint64_t>()];
+  }
   for (const Json& host : job.at("hosts"))
     if (holds(host))
       for (const Json& part : host.at("parts"))

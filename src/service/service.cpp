@@ -86,7 +86,7 @@ Service::Service(ServiceConfig config, Users users, std::optional<PriceTable> pr
       scheduler_(config_.scheduler),
       hosts_(hosts(store_.identity())),
       steady_hosts_(config_.elastic),
-      progress_(config_.token),
+      watch_(config_.token),
       trash_(config_.folder + "/trash") {
   for (const char* name : {"scenes", "splits", "jobs"}) fs::create_directories(config_.folder + "/" + name);
   for (Job& job : store_.jobs()) scheduler_.restore(std::move(job));
@@ -372,7 +372,9 @@ void Service::give_orders() {
 }
 
 void Service::keep(double now) {
-  dirty_.merge(scheduler_.take_changed());
+  std::set<std::uint64_t> changed_now = scheduler_.take_changed();
+  for (const std::uint64_t id : changed_now) versions_[id] = ++version_;
+  dirty_.merge(changed_now);
   bool news = now > kept_ + kKeepEvery;  // sums alone can wait: hosts say them again
   std::vector<const Job*> changed;
   for (const std::uint64_t id : dirty_) {

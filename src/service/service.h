@@ -42,6 +42,17 @@ struct ServiceConfig {
   KeepRules rules;
 };
 
+// Where a picture of a frame is: at the window of its manager while it runs, or in its folder.
+struct FrameView {
+  std::string window;  // its URL, or
+  std::string folder;  // with picture.exr, of a frame that is done or was stopped
+};
+
+// What somebody who looks on has been told: versions of jobs.
+struct WatchedJobs {
+  std::map<std::uint64_t, std::uint64_t> versions;
+};
+
 // Jobs of users, rendered by children of this process on the hosts of a pool. step() belongs to one thread, on which
 // children are started (they end with it); everything else may be called by any, and throws ApiError.
 class Service {
@@ -80,6 +91,10 @@ class Service {
   // The window of a frame that runs: its URL.
   std::string frame_window(const Caller& caller, std::uint64_t id, std::uint64_t frame);
 
+  // Rows of jobs that have changed since, of about so many bytes, and the numbers of those that are gone.
+  Json changed_jobs(const Caller& caller, WatchedJobs& seen, std::size_t bytes) const;
+  FrameView frame_view(const Caller& caller, std::uint64_t id, std::uint64_t frame) const;
+
   Json hosts();
   Json hosts_wanted(const Caller& caller);  // with reasons of the caller's own jobs
   Json usage(const Caller& caller);
@@ -102,6 +117,7 @@ class Service {
   const Job& job_of(const Caller& caller, std::uint64_t id) const;
   std::string frame_folder(FrameRef ref) const;
   std::string split_folder(const Job& job, const JobFrame& frame) const;
+  Json watch_row(const Job& job) const;
   std::string shown(const std::string& text) const;  // without the names of our folders
   void act(const Scheduler::Action& action, double now);
   void start_split(FrameRef ref, double now);
@@ -120,6 +136,7 @@ class Service {
   void remove_job(std::uint64_t id);
   void give_orders();
   void plan_hosts(double now);
+  void look_at_frames();  // how far they are
   void add_wanted(Families& families) const;
   void keep(double now);
   void note(std::uint64_t job, const std::string& text, double now);
@@ -146,7 +163,10 @@ class Service {
   HostsWanted hosts_wanted_;
   std::vector<ElasticHost> planned_hosts_;  // that hosts_wanted_ speaks of
   double planned_ = 0;
-  ProgressWatch progress_;
+  std::map<std::uint64_t, std::uint64_t> versions_;  // of jobs that have changed in this life
+  std::uint64_t version_ = 1;
+  ProgressOf progress_;
+  ProgressWatch watch_;
   Trash trash_;
 };
 

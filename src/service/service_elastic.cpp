@@ -18,12 +18,8 @@ Json or_null(const std::optional<double>& value) { return value ? Json(*value) :
 void Service::plan_hosts(double now) {
   if (now >= planned_ && now < planned_ + kPlanEvery) return;
   planned_ = now;
-  std::map<FrameRef, std::string> windows;
-  for (const auto& [ref, child] : children_)
-    if (!child.splits && !child.window.empty()) windows[ref] = child.window;
-  progress_.set_windows(std::move(windows));
-  const ProgressOf progress = progress_.progress();
-  const std::vector<ElasticHost> hosts = elastic_hosts(host_view_, progress);
+  look_at_frames();
+  const std::vector<ElasticHost> hosts = elastic_hosts(host_view_, progress_);
   std::uint64_t largest = 0;
   if (prices_)
     for (const auto& [name, kind] : prices_->kinds())
@@ -32,7 +28,7 @@ void Service::plan_hosts(double now) {
   planned_hosts_ = hosts;
   const std::uint32_t before = hosts_wanted_.wanted();
   hosts_wanted_ = steady_hosts_.settle(
-      cloudrenderer::hosts_wanted(elastic_jobs(scheduler_.jobs(), progress, users_.limits(), config_.scheduler.slots),
+      cloudrenderer::hosts_wanted(elastic_jobs(scheduler_.jobs(), progress_, users_.limits(), config_.scheduler.slots),
                                   host_kinds(prices_, host_view_, seen_kinds_), hosts, config_.elastic, now),
       hosts, now);
   if (hosts_wanted_.wanted() != before) {

@@ -3,6 +3,9 @@
 #include <openssl/crypto.h>
 #include <openssl/ssl.h>
 
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -50,6 +53,21 @@ int bind_http(httplib::Server& server, const Address& listen, const std::string&
 
 void answer_json(httplib::Response& response, const nlohmann::ordered_json& json) {
   response.set_content(json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace), "application/json");
+}
+
+bool send_file(httplib::Response& response, const std::string& path, const char* type) {
+  const auto file = std::make_shared<std::ifstream>(path, std::ios::binary);
+  std::error_code gone;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, gone);
+  if (gone || !*file) return false;
+  response.set_content_provider(bytes, type, [file](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+    std::string buffer(std::min<std::size_t>(length, 1 << 16), '\0');
+    file->clear();
+    file->seekg(static_cast<std::streamoff>(offset));
+    file->read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    return file->gcount() > 0 && sink.write(buffer.data(), static_cast<std::size_t>(file->gcount()));
+  });
+  return true;
 }
 
 void refuse(httplib::Response& response, int status, const std::string& why) {

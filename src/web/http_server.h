@@ -20,6 +20,8 @@ std::unique_ptr<httplib::Server> make_http_server(const TlsOptions& tls, bool en
 int bind_http(httplib::Server& server, const Address& listen, const std::string& option);
 
 void answer_json(httplib::Response& response, const nlohmann::ordered_json& json);
+// Without holding it in memory; false: there is no such file.
+bool send_file(httplib::Response& response, const std::string& path, const char* type);
 void refuse(httplib::Response& response, int status, const std::string& why);
 
 bool same_secret(const std::string& a, const std::string& b);  // takes the same time wherever they differ

@@ -1,5 +1,6 @@
 #include "web/job_view.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "tasks/task.h"

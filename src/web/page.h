@@ -3,6 +3,7 @@
 
 namespace cloudrenderer {
 
-extern const std::string_view kPage;  // page/index.html
+// The folder page/ as one file each: the window of a render, and that of a service's jobs.
+extern const std::string_view kPage, kServicePage;
 
 }  // namespace cloudrenderer

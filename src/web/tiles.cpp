@@ -10,6 +10,14 @@ namespace {
 constexpr int kBias = 15, kMantissaBits = 9, kLargestExponent = 31;
 constexpr float kLargest = 65408.f;  // 511/512 * 2^16
 
+std::string with_pixels(std::vector<std::uint32_t> words, std::span<const Rgb> pixels) {
+  words.reserve(words.size() + pixels.size());
+  for (const Rgb& c : pixels) words.push_back(pack_rgb9e5(c));
+  std::string bytes(words.size() * sizeof(std::uint32_t), '\0');
+  std::memcpy(bytes.data(), words.data(), bytes.size());
+  return bytes;
+}
+
 std::uint64_t pixels_of(const RendererRange& r) { return std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0); }
 
 }  // namespace
@@ -31,6 +39,32 @@ Rgb unpack_rgb9e5(std::uint32_t bits) {
   const float unit = std::ldexp(1.f, static_cast<int>(bits >> 27) - kBias - kMantissaBits);
   const auto channel = [&](unsigned shift) { return static_cast<float>(bits >> shift & 0x1ffu) * unit; };
   return {channel(0), channel(9), channel(18)};
+}
+
+void append_frame(std::string& to, FrameKind kind, const std::string& body) {
+  const auto n = static_cast<std::uint32_t>(body.size() + 1);
+  for (int byte = 0; byte < 4; ++byte) to.push_back(static_cast<char>(n >> (8 * byte) & 0xffu));
+  to.push_back(static_cast<char>(kind));
+  to += body;
+}
+
+std::string encode_tile(const TileBox& box, std::span<const Rgb> pixels) {
+  return with_pixels({box.x0, box.y0, box.x1 - box.x0, box.y1 - box.y0, box.samples}, pixels);
+}
+
+std::string encode_coarse(const ManagerCore& core, float scale, std::size_t most) {
+  const Film& film = core.film();
+  const std::uint32_t w = film.frame().crop_width(), h = film.frame().crop_height();
+  const auto size = [](std::uint32_t n, std::uint32_t by) { return (n + by - 1) / by; };
+  std::uint32_t step = 1;
+  while (std::uint64_t{size(w, step)} * size(h, step) > most) ++step;
+  std::vector<Rgb> pixels;
+  for (std::uint32_t y = 0; y < h; y += step)
+    for (std::uint32_t x = 0; x < w; x += step) {
+      const std::size_t row = std::min(y + step / 2, h - 1);
+      pixels.push_back(film.colour(film.sums()[row * w + std::min(x + step / 2, w - 1)], scale));
+    }
+  return with_pixels({step, size(w, step), size(h, step)}, pixels);
 }
 
 std::vector<std::size_t> TileWatch::choose(const ManagerCore& core, std::uint64_t pixels) {
@@ -73,12 +107,8 @@ std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile,
 std::string TileBoard::encode(const ManagerCore& core, std::size_t tile, float scale) {
   const RendererRange r = core.tile_range(tile);
   const FilmFrame& frame = core.film().frame();
-  std::vector<std::uint32_t> words{r.x0 - frame.x0, r.y0 - frame.y0, r.x1 - r.x0, r.y1 - r.y0,
-                                   static_cast<std::uint32_t>(core.tile_samples(tile))};
-  for (const Rgb& c : tile_pixels(core, r, scale)) words.push_back(pack_rgb9e5(c));
-  std::string bytes(words.size() * sizeof(std::uint32_t), '\0');
-  std::memcpy(bytes.data(), words.data(), bytes.size());
-  return bytes;
+  return encode_tile({r.x0 - frame.x0, r.y0 - frame.y0, r.x1 - frame.x0, r.y1 - frame.y0, static_cast<std::uint32_t>(core.tile_samples(tile))},
+                     tile_pixels(core, r, scale));
 }
 
 void TileBoard::put(std::size_t tile, std::string bytes) {

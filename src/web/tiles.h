@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,20 @@ namespace cloudrenderer {
 // EXT_texture_shared_exponent: 2^-24 to 65408, negative numbers and NaN as 0.
 std::uint32_t pack_rgb9e5(const Rgb& c);
 Rgb unpack_rgb9e5(std::uint32_t bits);
+
+// A frame of the stream to viewers: a length (32 bits, little-endian, of what follows it), a kind, the body.
+enum class FrameKind : char { job = 1, tile = 2, coarse = 3 };
+void append_frame(std::string& to, FrameKind kind, const std::string& body);
+
+// Pixels of a picture, [x0, x1) x [y0, y1) from its corner on, that have `samples` together.
+struct TileBox {
+  std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0, samples = 0;
+};
+// x, y, width, height, samples: 32 bits each, little-endian; then the pixels as pack_rgb9e5 gives them.
+std::string encode_tile(const TileBox& box, std::span<const Rgb> pixels);
+// All of the picture in at most `most` pixels, for those who have nothing yet: step, width, height (32 bits each,
+// little-endian), then the pixels at the middle of squares of `step` pixels.
+std::string encode_coarse(const ManagerCore& core, float scale, std::size_t most);
 
 // Looks which tiles of a growing picture are worth sending. A value of the render's thread.
 class TileWatch {
@@ -30,10 +45,8 @@ std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile,
 // The tiles as viewers get them, the last state of each. Not thread-safe.
 class TileBoard {
  public:
-  // x, y, width, height (pixels, from the crop window's corner), samples: 32 bits each, little-endian; then the pixels
-  // as pack_rgb9e5 gives them.
   using Bytes = std::shared_ptr<const std::string>;
-  static std::string encode(const ManagerCore& core, std::size_t tile, float scale);
+  static std::string encode(const ManagerCore& core, std::size_t tile, float scale);  // as encode_tile
 
   void put(std::size_t tile, std::string bytes);
   // What a viewer has seen.

@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "film/encode_image.h"
 #include "web/http_server.h"
 #include "web/hub.h"
 #include "web/page.h"
@@ -16,6 +17,7 @@ constexpr std::size_t kThreads = Hub::kMaxViewers + 4;
 constexpr std::size_t kLargestRequest = 64 * 1024;
 // What keeps other pages of the viewer's browser from asking in their name: they cannot set it.
 constexpr const char* kOwnHeader = "X-Cloudrenderer";
+constexpr std::chrono::seconds kPicturePatience{5};
 
 }  // namespace
 
@@ -61,6 +63,8 @@ struct Window::Server {
       refuse(r, 503, "the scene is still being read");
     });
     http->Get("/api/jobs/1/stream", [this](const Request&, Response& r) { stream(r); });
+    http->Get("/api/jobs/1/picture.exr", [this](const Request&, Response& r) { picture(r, "picture.exr", "image/x-exr"); });
+    http->Get("/api/jobs/1/picture.png", [this](const Request&, Response& r) { picture(r, "picture.png", "image/png"); });
     http->Post("/api/jobs/1/cancel", [this](const Request& request, Response& r) {
       if (!request.has_header(kOwnHeader)) return refuse(r, 403, std::string("the header ") + kOwnHeader + " is missing");
       spdlog::warn("a viewer has ended the job");
@@ -75,6 +79,15 @@ struct Window::Server {
     http->set_error_handler([](const Request&, Response& r) {
       if (r.body.empty()) refuse(r, r.status, r.status == 404 ? "there is nothing here" : "the request cannot be taken");
     });
+  }
+
+  // As it is now.
+  void picture(httplib::Response& response, const char* name, const char* type) {
+    const auto picture = hub.picture(kPicturePatience);
+    if (!picture) return refuse(response, 503, "there is no picture yet");
+    const ImageHeader header{{{"Software", "cloudrenderer"}, {"cloudrenderer:spp_so_far", std::to_string(picture->spp)}}, {}};
+    const std::vector<unsigned char> bytes = encode_image(name, picture->image, picture->frame, header);
+    response.set_content(reinterpret_cast<const char*>(bytes.data()), bytes.size(), type);
   }
 
   void stream(httplib::Response& response) {

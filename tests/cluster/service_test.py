@@ -180,7 +180,7 @@ class Service(service_support.ServiceTest):
                 (400, "POST", "/v1/jobs", b"{", {}), (422, "POST", "/v1/jobs", {}, {}), (400, "POST", "/v1/jobs", b"[" * 100_000, {}),
                 (413, "POST", "/v1/scenes", b" " * 40_000_000, {}), (415, "POST", "/v1/jobs", b"x", {"Content-Type": "multipart/form-data; boundary=x"}),
                 (405, "DELETE", "/v1/jobs", None, {}), (405, "PATCH", "/v1/jobs/1", b"{}", {}), (404, "GET", "/v1/jobs/1", None, {}),
-                (404, "GET", "/v1/jobs/x", None, {}), (404, "GET", "/", None, {}), (404, "GET", "/v1/blobs/short", None, {}),
+                (404, "GET", "/v1/jobs/x", None, {}), (404, "GET", "/page", None, {}), (404, "POST", "/", {}, {}), (404, "GET", "/v1/blobs/short", None, {}),
                 (414, "GET", "/v1/" + "x" * 2000, None, {}), (400, "PUT", wrong, b"a", {"Content-Range": "bytes 5-2/9"}),
                 (413, "PUT", wrong, b"a", {"Content-Range": "bytes 0-0/1000000000000"}),
                 (422, "POST", "/v1/scenes", {"files": [{"path": "../x", "sha256": name, "bytes": 300_000}]}, {}),

@@ -70,13 +70,19 @@ class Web(support.ClusterTest):
         connection.request("GET", "/api/jobs/1/stream")
         answer = connection.getresponse()
         self.assertEqual(answer.status, 200)
-        picture, jobs, arrived = np.zeros((SIZE, SIZE, 3)), [], []
+        picture, jobs, arrived, coarse = np.zeros((SIZE, SIZE, 3)), [], [], 0
         start = time.monotonic()
         while head := answer.read(4):
             body = answer.read(struct.unpack("<I", head)[0])
             arrived.append((time.monotonic() - start, 4 + len(body)))
             if body[0] == 1:
                 jobs.append(json.loads(body[1:]))
+            elif body[0] == 3:  # all of it coarsely, before anything else
+                self.assertFalse(picture.any())
+                step, w, h = struct.unpack_from("<3I", body[1:])
+                self.assertEqual((w, h, len(body)), (-(-SIZE // step), -(-SIZE // step), 13 + 4 * w * h))
+                self.assertLessEqual(w * h, 128 * 128)
+                coarse += 1
             else:
                 x, y, pixels, _ = decode_tile(body[1:])
                 picture[y:y + pixels.shape[0], x:x + pixels.shape[1]] = pixels
@@ -85,11 +91,12 @@ class Web(support.ClusterTest):
         final = measure.read_rgb(self.out)
         off = np.abs(picture - np.clip(final, 0, 65408)) - final.max(axis=2, keepdims=True) / 512
         self.assertLessEqual(off.max(), 1e-6)
+        self.assertEqual(coarse, 1)
         self.assertEqual(jobs[-1]["phase"], "done")
         self.assertEqual(jobs[-1]["paths_done"], spp * SIZE * SIZE)
         self.assertGreaterEqual(len(jobs), 3, "a view of the job every second")
         self.assertEqual({h["name"] for h in jobs[-1]["hosts"]}, {"host1", "host2"})
-        self.assertGreater(sum(jobs[1]["tasks"].values()), 0)
+        self.assertGreater(max(sum(j["tasks"].values()) for j in jobs), 0)
         running = [(t, n) for t, n in arrived if t <= jobs[-1]["elapsed_s"] - 2]  # the goodbye may be faster
         seconds = running[-1][0] + 0.25
         self.assertLessEqual(sum(n for _, n in running) / seconds, BYTES_PER_SECOND)
