@@ -8,6 +8,7 @@ import threading
 import time
 
 import numpy as np
+import service_support
 import service_test
 import support
 from support import measure
@@ -27,7 +28,7 @@ def children_of(pid):
     return [int(p) for p in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-class Window(service_test.Service):
+class Window(service_support.ServiceTest):
     def open(self, user, path):
         """A connection and the answer on it, whose body has not been read."""
         connection = http.client.HTTPConnection("127.0.0.1", self.api_port, timeout=20)
