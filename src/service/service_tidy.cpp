@@ -60,6 +60,7 @@ void Service::remove_job(std::uint64_t id) {
   store_.remove_job(id, user, scheduler_.accounts().at(user));
   dirty_.erase(id);
   states_.erase(id);
+  versions_.erase(id);
   trash_.take(fmt::format("{}/jobs/{}", config_.folder, id));
   spdlog::info("job {} of {} is removed", id, user);
 }
