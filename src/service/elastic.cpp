@@ -14,8 +14,6 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kInTime = 0.9;     // of the time that a deadline leaves
 constexpr double kMostWork = 1e15;  // seconds: sums stay finite
 
-bool fits(const ElasticJob& job, std::uint64_t memory) { return memory == 0 || job.least_memory <= memory; }
-
 std::string memory_text(std::uint64_t bytes) {
   const double mebibytes = static_cast<double>(bytes) / (1 << 20);
   return mebibytes < 8192 ? fmt::format("{:.4g} MiB", mebibytes) : fmt::format("{:.4g} GiB", mebibytes / 1024);
@@ -52,10 +50,13 @@ class Planner {
     for (std::size_t i = 0; i < jobs_.size(); ++i) memory_for(jobs_[i], i < limits_.jobs_at_once);
     undated_jobs();
     dated_jobs();
+    const Fleet there{std::vector<char>(there_.size(), 1), std::vector<std::uint32_t>(kinds_.size(), 0)};
+    const auto now = forecast(jobs_, groups(there), limits_.jobs_at_once), then = forecast(jobs_, groups(fleet_), limits_.jobs_at_once);
+    tell_dated(now, then);
     if (limited_)
       out_.reasons.push_back({{}, total(fleet_) >= limits_.most ? fmt::format("no more than {} are allowed", hosts_text(limits_.most))
                                                                 : "more would help; no more of their kinds are allowed"});
-    return answer();
+    return answer(now, then);
   }
 
  private:
@@ -77,7 +78,7 @@ class Planner {
   std::size_t kind_of(const std::string& name) const {
     return static_cast<std::size_t>(std::ranges::find(kinds_, name, &HostKind::name) - kinds_.begin());
   }
-  static double cost(const HostKind& k) { return k.price / std::max(k.capacity(), 1e-9); }
+  static double cost(const HostKind& k) { return k.price / k.capacity(); }
   double capacity(const There& t) const { return std::max(1e-9, t.host->threads * kinds_[t.kind].speed); }
 
   std::uint32_t count(const Fleet& f, std::size_t kind) const {
@@ -113,7 +114,7 @@ class Planner {
     std::ranges::sort(order, [&](std::size_t a, std::size_t b) {
       const auto key = [&](const HostKind& k) {
         const double use = by == By::compute ? k.capacity() : static_cast<double>(std::max<std::uint64_t>(k.memory, 1));
-        return std::tuple(k.price / std::max(use, 1e-9), -use, k.name);
+        return std::tuple(k.price / use, -use, k.name);
       };
       return key(kinds_[a]) < key(kinds_[b]);
     });
@@ -185,7 +186,7 @@ class Planner {
   static double room(const ElasticJob& job, std::uint64_t memory) {
     if (memory == 0) return kNever;
     const double given = std::max(static_cast<double>(memory) * job.memory_part, static_cast<double>(job.least_memory));
-    return fits(job, memory) ? std::max(0.0, given - static_cast<double>(job.main_bytes)) : 0;
+    return job.fits(memory) ? std::max(0.0, given - static_cast<double>(job.main_bytes)) : 0;
   }
 
   void memory_for(const ElasticJob& job, bool now) {
@@ -193,11 +194,11 @@ class Planner {
     std::uint32_t fitting = 0;
     double there = 0;
     for (std::size_t i = 0; i < there_.size(); ++i)
-      if (fleet_.kept[i] && fits(job, there_[i].host->memory)) ++fitting, there += room(job, there_[i].host->memory);
+      if (fleet_.kept[i] && job.fits(there_[i].host->memory)) ++fitting, there += room(job, there_[i].host->memory);
     for (std::size_t k = 0; k < kinds_.size(); ++k)
-      if (fleet_.fresh[k] > 0 && fits(job, kinds_[k].memory)) fitting += fleet_.fresh[k], there += fleet_.fresh[k] * room(job, kinds_[k].memory);
+      if (fleet_.fresh[k] > 0 && job.fits(kinds_[k].memory)) fitting += fleet_.fresh[k], there += fleet_.fresh[k] * room(job, kinds_[k].memory);
     const std::uint32_t before = total(fleet_);
-    std::vector<Run> more = runs([&](std::uint64_t memory, std::size_t) { return fits(job, memory); }, By::memory);
+    std::vector<Run> more = runs([&](std::uint64_t memory, std::size_t) { return job.fits(memory); }, By::memory);
     double missing = now ? static_cast<double>(job.bytes - std::min(job.bytes, job.main_bytes)) - there : 0;
     std::uint64_t n = 0;
     for (const Run& r : more) {
@@ -273,7 +274,7 @@ class Planner {
     for (const ElasticJob& job : jobs_)
       if (job.deadline && job.work > 0) work += job.work, memory = std::min(memory, job.least_memory);
     if (work <= 0) return;
-    if (lateness(fleet_, kInTime) <= 0) return tell_dated();
+    if (lateness(fleet_, kInTime) <= 0) return;
     const std::vector<Run> more = runs([&](std::uint64_t m, std::size_t) { return m == 0 || m >= memory; });
     const auto late = [&](std::uint32_t n) { return lateness(with(more, n), kInTime); };
     // The fewest for which it holds; it holds for `most`, and for all beyond the first.
@@ -299,12 +300,10 @@ class Planner {
       limited_ = limited_ || n == most;
     }
     take(more, n);
-    tell_dated();
   }
 
-  void tell_dated() {
-    const Fleet there{std::vector<char>(there_.size(), 1), std::vector<std::uint32_t>(kinds_.size(), 0)};
-    const auto now = forecast(jobs_, groups(there), limits_.jobs_at_once), then = forecast(jobs_, groups(fleet_), limits_.jobs_at_once);
+  // When jobs end, with the hosts that are there and with those that are wanted.
+  void tell_dated(const std::vector<double>& now, const std::vector<double>& then) {
     for (std::size_t i = 0; i < jobs_.size(); ++i) {
       const ElasticJob& job = jobs_[i];
       if (!job.deadline || job.work <= 0) continue;
@@ -322,15 +321,13 @@ class Planner {
     }
   }
 
-  HostsWanted answer() {
+  HostsWanted answer(const std::vector<double>& now, const std::vector<double>& then) {
     std::map<std::string, HostsWanted::Kind> kinds;
     for (std::size_t k = 0; k < kinds_.size(); ++k) kinds[kinds_[k].name] = {kinds_[k].name, count(fleet_, k), 0, kinds_[k].price};
     for (const There& t : there_) ++kinds.at(kinds_[t.kind].name).there;
     for (auto& [name, kind] : kinds) out_.kinds.push_back(kind);
     for (std::size_t i = there_.size(); i-- > 0;)
       if (!fleet_.kept[i]) out_.surplus.push_back(there_[i].host->id);
-    const Fleet there{std::vector<char>(there_.size(), 1), std::vector<std::uint32_t>(kinds_.size(), 0)};
-    const auto now = forecast(jobs_, groups(there), limits_.jobs_at_once), then = forecast(jobs_, groups(fleet_), limits_.jobs_at_once);
     const auto at = [&](double s) { return s < kNever ? std::optional(now_ + s) : std::nullopt; };
     for (std::size_t i = 0; i < jobs_.size(); ++i)
       out_.jobs.push_back({jobs_[i].id, jobs_[i].work, jobs_[i].measured, jobs_[i].deadline, at(now[i]), at(then[i])});

@@ -43,6 +43,7 @@ struct ElasticJob {
   std::uint64_t least_memory = 0;  // without which a host is of no use to it
   std::uint64_t main_bytes = 0, bytes = 0;  // on every host; of all parts together with that
   double memory_part = 1;                   // of a host's memory that it gets
+  bool fits(std::uint64_t memory) const { return memory == 0 || least_memory <= memory; }
 };
 
 struct ElasticLimits {

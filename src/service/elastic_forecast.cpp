@@ -7,8 +7,6 @@ namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-bool fits(const ElasticJob& job, std::uint64_t memory) { return memory == 0 || job.least_memory <= memory; }
-
 double weight_of(const ElasticJob& job) { return std::max(job.weight, 1e-9); }
 
 struct Active {
@@ -57,12 +55,12 @@ std::vector<double> forecast(const std::vector<ElasticJob>& jobs, const std::vec
     for (std::size_t i = 0; i < jobs.size(); ++i) {
       most[i] = 0;
       for (const HostGroup& g : groups)
-        if (g.from_s <= now && fits(jobs[i], g.memory)) most[i] += g.capacity;
+        if (g.from_s <= now && jobs[i].fits(g.memory)) most[i] += g.capacity;
       most[i] = std::min(most[i], jobs[i].most_threads);
     }
   };
   const auto never = [&](const ElasticJob& job) {
-    return std::ranges::none_of(groups, [&](const HostGroup& g) { return g.capacity > 0 && fits(job, g.memory); });
+    return std::ranges::none_of(groups, [&](const HostGroup& g) { return g.capacity > 0 && job.fits(g.memory); });
   };
   hosts_come();
   for (;;) {

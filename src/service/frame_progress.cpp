@@ -1,10 +1,9 @@
 #include "service/frame_progress.h"
 
-#include <httplib.h>
-
 #include <chrono>
 
 #include "base/log.h"
+#include "service/manager_client.h"
 
 namespace cloudrenderer {
 namespace {
@@ -65,13 +64,10 @@ void ProgressWatch::run() {
       lock.unlock();
       std::optional<FrameProgress> got;
       try {
-        // "http://127.0.0.1:PORT/...", a child of ours.
-        httplib::Client client(url.substr(0, url.find('/', url.find("//") + 2)));
-        client.set_connection_timeout(kPatience);
-        client.set_read_timeout(kPatience);
-        client.enable_server_certificate_verification(false);
-        if (!token_.empty()) client.set_bearer_token_auth(token_.c_str());
-        if (const auto answer = client.Get("/api/jobs/1"); answer && answer->status == 200) got = frame_progress(Json::parse(answer->body));
+        const auto client = manager_client(url, token_);
+        client->set_connection_timeout(kPatience);
+        client->set_read_timeout(kPatience);
+        if (const auto answer = client->Get("/api/jobs/1"); answer && answer->status == 200) got = frame_progress(Json::parse(answer->body));
       } catch (const std::exception& e) {  // then it is asked again
         spdlog::debug("job {}: no progress: {}", ref.job, e.what());
       }

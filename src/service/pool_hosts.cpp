@@ -49,9 +49,10 @@ std::map<std::uint64_t, ServiceHost> PoolHosts::hosts() const {
     h.memory_used = host.memory_used;
     h.cpu_s = host.cpu_s;
     h.here = !host.left_s && !host.leaving;
+    for (const auto& [name, use] : host.jobs) h.working += use.working;
     if (std::exchange(words_[id], host.words) == host.words) continue;
     for (const auto& [name, use] : host.jobs)
-      if (const auto ref = frame_of(prefix_, name); h.working += use.working, ref)
+      if (const auto ref = frame_of(prefix_, name))
         h.used[*ref] = {use.cpu_s, use.memory_byte_s, static_cast<double>(use.bytes_sent), 0, use.host_s, 0};
   }
   std::erase_if(words_, [&](const auto& w) { return !out.contains(w.first); });

@@ -357,8 +357,8 @@ void Service::frame_ended(FrameRef ref, const Child& child, int status, double n
   std::error_code ignored;
   scheduler_.frame_ended(ref, end, now);
   const Job& job = *scheduler_.find(ref.job);
-  if (is_final(job.frames[ref.frame].state) && !needs_files(job)) fs::remove(folder + "/checkpoint", ignored);
-  if (end.how == FrameEnd::How::done) fs::remove(folder + "/checkpoint", ignored);
+  if (end.how == FrameEnd::How::done || (is_final(job.frames[ref.frame].state) && !needs_files(job)))
+    fs::remove(folder + "/checkpoint", ignored);
 }
 
 void Service::give_orders() {

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "film/encode_image.h"
 #include "service/finished_frame.h"
+#include "service/manager_client.h"
 #include "web/http_server.h"
 #include "web/hub.h"
 
@@ -56,10 +57,10 @@ Seats::Seats(std::size_t most, std::size_t most_of_user) : most_(most), most_of_
 
 std::shared_ptr<void> Seats::take(const std::string& user) {
   const std::lock_guard lock(taken_->mutex);
-  std::size_t& own = taken_->of_user[user];
-  if (taken_->all >= most_ || own >= most_of_user_) return nullptr;
+  const auto own = taken_->of_user.find(user);
+  if (taken_->all >= most_ || (own != taken_->of_user.end() && own->second >= most_of_user_)) return nullptr;
   ++taken_->all;
-  ++own;
+  ++taken_->of_user[user];
   return {taken_.get(), [taken = taken_, user](void*) {
             const std::lock_guard back(taken->mutex);
             --taken->all;
@@ -127,14 +128,6 @@ bool ServiceWindow::still_may(const Caller& caller, const std::string& token) co
   return found && found->name == caller.name && found->admin == caller.admin;
 }
 
-std::unique_ptr<httplib::Client> ServiceWindow::manager_client(const std::string& url) const {
-  const std::size_t host = url.find("//");
-  auto client = std::make_unique<httplib::Client>(url.substr(0, url.find('/', host + 2)));
-  client->enable_server_certificate_verification(false);  // it is our child, on the loopback
-  if (!service_.token().empty()) client->set_bearer_token_auth(service_.token().c_str());
-  return client;
-}
-
 void ServiceWindow::send_jobs(const Look& look) {
   const auto stream = std::make_shared<JobStream>();
   stream->caller = look.caller;
@@ -181,7 +174,7 @@ void ServiceWindow::send_stream(const Look& look) {
   }
   look.response.set_chunked_content_provider(
       type, [this, seat, frame_seat, url = view.window, caller = look.caller, token = look.token](std::size_t, httplib::DataSink& sink) {
-        const auto client = manager_client(url);
+        const auto client = manager_client(url, service_.token());
         client->set_read_timeout(kManagerPatience);
         auto asked = SteadyClock::now();
         bool there = true;
@@ -202,7 +195,7 @@ void ServiceWindow::send_preview(const Look& look, bool png) {
   const FrameView view = service_.frame_view(look.caller, look.job, look.frame);
   const char* type = png ? "image/png" : "image/x-exr";
   if (!view.window.empty()) {
-    const auto client = manager_client(view.window);
+    const auto client = manager_client(view.window, service_.token());
     client->set_read_timeout(10s);
     const auto got = client->Get(png ? "/api/jobs/1/picture.png" : "/api/jobs/1/picture.exr");
     if (!got || got->status != 200) throw ApiError(404, "there is no picture yet");
@@ -226,7 +219,7 @@ void ServiceWindow::send_preview(const Look& look, bool png) {
 }
 
 void ServiceWindow::send_progress(const Look& look) {
-  const auto client = manager_client(service_.frame_window(look.caller, look.job, look.frame));
+  const auto client = manager_client(service_.frame_window(look.caller, look.job, look.frame), service_.token());
   client->set_read_timeout(5s);
   const auto got = client->Get("/api/jobs/1");
   if (!got || got->status != 200) throw ApiError(404, "the frame does not run yet, or no more");

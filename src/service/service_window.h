@@ -56,7 +56,6 @@ class ServiceWindow {
  private:
   struct JobStream;
   bool still_may(const Caller& caller, const std::string& token) const;
-  std::unique_ptr<httplib::Client> manager_client(const std::string& url) const;
 
   Service& service_;
   Seats seats_, frame_seats_;  // of users, of frames
