@@ -35,9 +35,10 @@ function(cloudrenderer_library name)
   target_link_libraries(${name} PUBLIC cloudrenderer_options ${A_LINK})
 endfunction()
 
-# A test program: every file in SOURCES, run as one ctest per case, labelled.
+# A test program: every file in SOURCES. One ctest for all of its cases, or SHARDS of them that may run side by side: to start
+# a program takes longer than most cases. EACH: one ctest a case, for cases that take seconds.
 function(cloudrenderer_test name)
-  cmake_parse_arguments(A "" "LABEL;TIMEOUT" "SOURCES;LINK" ${ARGN})
+  cmake_parse_arguments(A "EACH" "LABEL;TIMEOUT;SHARDS" "SOURCES;LINK" ${ARGN})
   if(NOT A_TIMEOUT)
     set(A_TIMEOUT 120)
   endif()
@@ -45,6 +46,21 @@ function(cloudrenderer_test name)
   target_link_libraries(${name} PRIVATE cloudrenderer_options ${A_LINK} GTest::gtest GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE CLOUDRENDERER_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     CLOUDRENDERER_SHARED_DIR="${PROJECT_SOURCE_DIR}/../shared")
-  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT})
+  if(A_EACH)
+    gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT})
+    return()
+  endif()
+  if(NOT A_SHARDS)
+    set(A_SHARDS 1)
+  endif()
+  foreach(shard RANGE 1 ${A_SHARDS})
+    math(EXPR index "${shard} - 1")
+    set(test ${name}.${shard})
+    if(A_SHARDS EQUAL 1)
+      set(test ${name})
+    endif()
+    add_test(NAME ${test} COMMAND ${name})
+    set_tests_properties(${test} PROPERTIES LABELS ${A_LABEL} TIMEOUT 600
+      ENVIRONMENT "GTEST_TOTAL_SHARDS=${A_SHARDS};GTEST_SHARD_INDEX=${index}")
+  endforeach()
 endfunction()

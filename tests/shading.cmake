@@ -1,4 +1,4 @@
-cloudrenderer_test(shading_tests LABEL unit
+cloudrenderer_test(shading_tests LABEL unit SHARDS 4
   SOURCES ${CMAKE_CURRENT_LIST_DIR}/shading_bsdf_random_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_bsdf_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_eight_test.cpp

@@ -1,4 +1,4 @@
-cloudrenderer_test(tasks_tests LABEL unit
+cloudrenderer_test(tasks_tests LABEL unit SHARDS 2
   SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/tasks_task_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_link_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_routing_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_placement_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_ledger_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_worker_core_test.cpp

@@ -1,4 +1,4 @@
-cloudrenderer_test(trace_tests LABEL unit
+cloudrenderer_test(trace_tests LABEL unit SHARDS 2
   SOURCES ${CMAKE_CURRENT_LIST_DIR}/trace_curves_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/trace_memory_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/trace_motion_test.cpp

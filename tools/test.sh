@@ -11,6 +11,7 @@ start=$SECONDS
 cmake --workflow --preset ci
 build=$((SECONDS - start))
 
+[ -d ../shared/scenes ] || echo "test.sh: no folder ../shared/scenes: tests that want its scenes are skipped"
 start=$SECONDS
 status=0
 ctest --test-dir build/release -LE slow -j "$(nproc)" --output-on-failure --no-tests=error "$@" || status=$?
