@@ -2,6 +2,7 @@
 
 #include <httplib.h>
 #include <spdlog/fmt/fmt.h>
+#include <strings.h>
 
 #include <algorithm>
 #include <charconv>
@@ -177,6 +178,7 @@ struct Api::Server {
       const bool may_have_body = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" || request.method == "DELETE";
       if (may_have_body && request.path.size() <= kLongestPath) return httplib::Server::HandlerResponse::Unhandled;
       dispatch(request, response, nullptr);
+      if (may_have_body) end_connection(response);
       return httplib::Server::HandlerResponse::Handled;
     });
     // Paths are matched by our own table: the library's regular expressions only pass all on.
@@ -188,9 +190,6 @@ struct Api::Server {
     http->Patch("[^]*", pass);
     http->Delete("[^]*", pass);
     http->set_exception_handler([](const Request&, Response& response, std::exception_ptr) { refuse(response, 500, "the service has failed"); });
-    http->set_error_handler([](const Request&, Response& response) {
-      if (response.body.empty()) refuse(response, response.status, "the request cannot be taken");
-    });
     port = bind_http(*http, listen, "--api");
     thread = std::thread([this] { http->listen_after_bind(); });
   }
@@ -202,13 +201,17 @@ struct Api::Server {
 
   void dispatch(const Request& request, Response& response, const ContentReader* content) {
     // Without a length there is no body: the library would wait for the connection's end.
-    if (!request.has_header("Content-Length") && request.get_header_value("Transfer-Encoding").find("chunked") == std::string::npos) content = nullptr;
-    bool read = false;  // the body, or there is none
-    const ContentReader counted([&](httplib::ContentReceiver receiver) { return read = true, (*content)(std::move(receiver)); }, {});
+    if (!request.has_header("Content-Length") && strcasecmp(request.get_header_value("Transfer-Encoding").c_str(), "chunked") != 0) content = nullptr;
+    enum class Body : std::uint8_t { unread, broken, read } body = content ? Body::unread : Body::read;
+    const ContentReader noted([&](httplib::ContentReceiver receiver) {
+      body = Body::broken;  // unless it ends
+      if ((*content)(std::move(receiver))) body = Body::read;
+      return body == Body::read;
+    }, {});
     try {
       if (request.path.size() > kLongestPath) throw ApiError(414, "the path is too long");
       if (request.is_multipart_form_data()) throw ApiError(415, "forms are not taken: send JSON, or the bytes of a file");
-      handle(request, response, content ? &counted : nullptr);
+      handle(request, response, content ? &noted : nullptr);
     } catch (const ApiError& e) {
       Json json = {{"error", e.what()}};
       for (const auto& [key, value] : e.more.items()) json[key] = value;
@@ -218,13 +221,13 @@ struct Api::Server {
       spdlog::error("{} {}: {}", request.method, request.path, e.what());
       refuse(response, 500, "the service has failed");
     }
-    // What is left of the body would be taken for the next request. A short one is read, so that who sends it gets to
-    // see the answer.
+    // A short body that nobody wanted is read, so that who sends it gets to see the answer.
     const int status = response.status;
     std::size_t drained = 0;
     const auto drain = [&](const char*, std::size_t n) { return (drained += n) <= kDrained; };
     const bool is_short = request.get_header_value("Content-Length").size() <= 6 && !request.is_multipart_form_data();
-    if (content && !read && !(is_short && (*content)(drain))) response.set_header("Connection", "close");
+    if (body == Body::unread && is_short) noted(drain);
+    if (body != Body::read) end_connection(response);
     response.status = status;
   }
 

@@ -7,11 +7,55 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "base/error.h"
 #include "net/own_certificate.h"
 
 namespace cloudrenderer {
+namespace {
+
+// Whether bytes of the request's body may be left when it is answered. The library reads no body where it expects none, and
+// takes chunks and lengths as they come: what it leaves it would take for the next request, and answer that, too.
+bool may_leave_some(const httplib::Request& request) {
+  const auto has_space = [](const auto& header) { return header.first.find_first_of(" \t") != std::string::npos; };
+  if (request.has_header("Transfer-Encoding") || request.get_header_value_count("Content-Length") > 1) return true;
+  if (std::ranges::any_of(request.headers, has_space)) return true;  // "Content-Length : 5" is a length to others
+  const std::string length = request.get_header_value("Content-Length");
+  if (length.find_first_not_of("0123456789") != std::string::npos) return true;
+  const bool is_read = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" || request.method == "DELETE";
+  return !is_read && length.find_first_not_of('0') != std::string::npos;
+}
+
+// The library goes on with a connection whatever its answer says, unless a body could not be written. So all of it is
+// written, and then said to have failed.
+void end_after(const httplib::Request& request, httplib::Response& response) {
+  if (request.method == "HEAD") {  // has no body that could fail; the library's own request is not const
+    const_cast<httplib::Request&>(request).method = "GET";
+    response.body.clear();
+    response.content_provider_ = nullptr;
+  }
+  if (!response.content_provider_) {
+    response.content_provider_ = [body = std::exchange(response.body, {})](std::size_t, std::size_t, httplib::DataSink& sink) {
+      sink.write(body.data(), body.size());
+      return false;
+    };
+    response.content_length_ = 0;  // its header stands already
+    response.is_chunked_content_provider_ = false;
+    return;
+  }
+  response.content_provider_ = [provide = std::move(response.content_provider_)](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+    httplib::DataSink seen;
+    bool ended = false;
+    std::size_t written = 0;
+    seen.write = [&](const char* data, std::size_t n) { return written += n, sink.write(data, n); };
+    seen.is_writable = sink.is_writable;
+    seen.done = [&] { ended = true, sink.done(); };
+    return provide(offset, length, seen) && !ended && (length == 0 || written < length);
+  };
+}
+
+}  // namespace
 
 bool encrypts(const TlsOptions& tls, const Address& listen) {
   return tls.mode == TlsMode::on || (tls.mode == TlsMode::automatic && !listen.is_loopback());
@@ -41,6 +85,17 @@ std::unique_ptr<httplib::Server> make_http_server(const TlsOptions& tls, bool en
   http->set_default_headers({{"Cache-Control", "no-store"},
                              {"X-Content-Type-Options", "nosniff"},
                              {"Content-Security-Policy", "default-src 'self' 'unsafe-inline' data:; frame-ancestors 'none'"}});
+  http->set_error_handler([](const httplib::Request&, httplib::Response& response) {
+    if (!response.body.empty()) return;  // it is our own
+    refuse(response, response.status, response.status == 404 ? "there is nothing here" : "the request cannot be taken");
+    end_connection(response);  // nobody knows what has been read of it
+  });
+  http->set_post_routing_handler([](const httplib::Request& request, httplib::Response& response) {
+    if (may_leave_some(request)) end_connection(response);
+    if (response.get_header_value("Connection") != "close") return;
+    response.headers.erase("Keep-Alive");
+    end_after(request, response);
+  });
   return http;
 }
 
@@ -73,6 +128,11 @@ bool send_file(httplib::Response& response, const std::string& path, const char*
 void refuse(httplib::Response& response, int status, const std::string& why) {
   response.status = status;
   answer_json(response, {{"error", why}});
+}
+
+void end_connection(httplib::Response& response) {
+  response.headers.erase("Connection");
+  response.set_header("Connection", "close");
 }
 
 bool same_secret(const std::string& a, const std::string& b) {

@@ -49,8 +49,9 @@ struct Window::Server {
     using httplib::Request, httplib::Response;
     http->set_payload_max_length(kLargestRequest);
     http->set_pre_routing_handler([this](const Request& request, Response& response) {
-      return admits(request, response) ? httplib::Server::HandlerResponse::Unhandled
-                                       : httplib::Server::HandlerResponse::Handled;
+      if (admits(request, response)) return httplib::Server::HandlerResponse::Unhandled;
+      end_connection(response);  // its body, if it has one, is unread
+      return httplib::Server::HandlerResponse::Handled;
     });
     http->Get("/", [](const Request&, Response& r) { r.set_content(kPage.data(), kPage.size(), "text/html; charset=utf-8"); });
     http->Get("/api/jobs", [this](const Request&, Response& r) {
@@ -75,9 +76,6 @@ struct Window::Server {
     http->Get("/metrics", [this](const Request&, Response& r) {
       const auto job = hub.job();
       r.set_content(job ? metrics_text(*job) : "", "text/plain; version=0.0.4; charset=utf-8");
-    });
-    http->set_error_handler([](const Request&, Response& r) {
-      if (r.body.empty()) refuse(r, r.status, r.status == 404 ? "there is nothing here" : "the request cannot be taken");
     });
   }
 
