@@ -71,8 +71,8 @@ class Groups:
             reasons.append(f"mounting it: {done.stderr.strip()}")
         raise NotPermitted("no cpu controller for quotas: " + "; ".join(reasons))
 
-    def group(self, cores):
-        """A new group whose processes get so many cores together."""
+    def group(self, cores, weight=1):
+        """A new group whose processes get so many cores together at most, and the weight of so many others where all want more."""
         folder = self.parent / f"cloudrenderer-{os.getpid()}-{len(self.made)}"
         folder.mkdir()
         self.made.append(folder)
@@ -80,9 +80,11 @@ class Groups:
         period = max(PERIOD_US, int(quota / cores))
         if self.version == 2:
             (folder / "cpu.max").write_text(f"{quota} {period}")
+            (folder / "cpu.weight").write_text(str(100 * weight))
         else:
             (folder / "cpu.cfs_period_us").write_text(str(period))
             (folder / "cpu.cfs_quota_us").write_text(str(quota))
+            (folder / "cpu.shares").write_text(str(1024 * weight))
         return folder
 
     @staticmethod
