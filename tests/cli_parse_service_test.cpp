@@ -58,10 +58,12 @@ TEST_F(ServiceCommandLine, OtherCommandsNameTheirJob) {
   EXPECT_FALSE(std::get<FetchOptions>(parse({"fetch", "3"})).preview);
   EXPECT_TRUE(std::get<FetchOptions>(parse({"fetch", "3", "--preview"})).preview);
   EXPECT_EQ(std::get<CancelOptions>(parse({"cancel", "3"})).job, 3u);
+  EXPECT_EQ(std::get<ChangeOptions>(parse({"change", "3", "--priority", "-2"})).priority, -2);
+  EXPECT_THROW(parse({"change", "3"}), UsageError);
   EXPECT_EQ(std::get<RemoveOptions>(parse({"remove", "3"})).job, 3u);
   EXPECT_EQ(std::get<ResumeOptions>(parse({"resume", "3", "--budget", "7"})).budget, 7);
   EXPECT_EQ(std::get<LogsOptions>(parse({"logs", "3", "--frame", "2"})).frame, 2u);
-  for (const char* command : {"fetch", "cancel", "resume", "logs"}) EXPECT_THROW(parse({command}), UsageError) << command;
+  for (const char* command : {"fetch", "cancel", "change", "resume", "logs"}) EXPECT_THROW(parse({command}), UsageError) << command;
   EXPECT_THROW(parse({"cancel", "x"}), UsageError);
   EXPECT_THROW(parse({"submit"}), UsageError);
   EXPECT_THROW(parse({"submit", "a.pbrt", "--spp", "-1"}), UsageError);

@@ -190,6 +190,49 @@ TEST(Scheduler, PriorityGoesFirstAndHasItsLimit) {
   EXPECT_TRUE(farm.running.contains({low, 0}));
 }
 
+TEST(Scheduler, APriorityCanBeChangedWhileTheJobRunsOrWaits) {
+  Farm farm({.slots = 2});
+  const auto first = farm.submit("ann"), second = farm.submit("bob"), third = farm.submit("cy");
+  farm.step();
+  const auto weight = [&](std::uint64_t job) { return farm.scheduler.portions().at({job, 0}).weight; };
+  EXPECT_DOUBLE_EQ(weight(first), weight(second));
+  EXPECT_EQ(farm.scheduler.set_priority(first, 2, "ann"), std::nullopt);
+  EXPECT_DOUBLE_EQ(weight(first), 4 * weight(second));
+  EXPECT_TRUE(farm.scheduler.take_changed().contains(first)) << "it is to be kept";
+  const auto fourth = farm.submit("bob");
+  EXPECT_EQ(farm.scheduler.set_priority(fourth, 1, "bob"), std::nullopt);
+  farm.end({second, 0});
+  farm.step();
+  EXPECT_TRUE(farm.running.contains({fourth, 0}));
+  EXPECT_FALSE(farm.running.contains({third, 0}));
+  EXPECT_NE(farm.scheduler.set_priority(third, Scheduler::kHighestPriority + 1, "cy"), std::nullopt);
+  EXPECT_NE(farm.scheduler.set_priority(third, Scheduler::kLowestPriority - 1, "cy"), std::nullopt);
+  EXPECT_EQ(farm.job(third).request.priority, 0);
+}
+
+TEST(Scheduler, OfAUsersJobsTheOneWithTheNearestDeadlineIsNext) {
+  Farm farm({.slots = 1});
+  const auto with_deadline = [&](const std::string& user, double seconds) {
+    JobRequest r;
+    r.user = user;
+    r.files = {"f"};
+    r.deadline = Deadline{seconds, true, ""};
+    return farm.submit(r);
+  };
+  const auto running = farm.submit("cy"), none = farm.submit("ann"), late = with_deadline("ann", 500), near = with_deadline("ann", 50),
+             other = with_deadline("bob", 1), urgent = farm.submit("ann", 1, 1);
+  farm.step();
+  std::vector<std::uint64_t> order;
+  for (std::uint64_t last = running; farm.running.size() == 1;) {
+    farm.end({last, 0});
+    farm.step(1);
+    if (farm.running.empty()) break;
+    order.push_back(last = farm.running.begin()->job);
+  }
+  // bob's comes after ann's, who was there before: a deadline is no turn.
+  EXPECT_EQ(order, (std::vector{urgent, near, late, none, other}));
+}
+
 TEST(Scheduler, OthersMakeRoomForWhoHasNothingRunning) {
   Farm farm({.slots = 2, .patience_s = 30});
   const auto a = farm.submit("ann", 2);

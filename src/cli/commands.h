@@ -18,6 +18,7 @@ int run_submit(const SubmitOptions& options);
 int run_status(const StatusOptions& options);
 int run_fetch(const FetchOptions& options);
 int run_cancel(const CancelOptions& options);
+int run_change(const ChangeOptions& options);
 int run_remove(const RemoveOptions& options);
 int run_resume(const ResumeOptions& options);
 int run_logs(const LogsOptions& options);

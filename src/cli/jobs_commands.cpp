@@ -103,6 +103,13 @@ int run_cancel(const CancelOptions& o) {
   return kDone;
 }
 
+int run_change(const ChangeOptions& o) {
+  ServiceClient client(o.service);
+  const Json j = client.patch(job_path(o.job), {{"priority", o.priority}});
+  fmt::print("job {} has priority {}\n", o.job, j.at("priority").get<int>());
+  return kDone;
+}
+
 int run_remove(const RemoveOptions& o) {
   ServiceClient client(o.service);
   client.remove(job_path(o.job));

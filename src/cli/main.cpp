@@ -39,6 +39,7 @@ int run(int argc, const char* const* argv) {
                                [](const StatusOptions& o) { return run_status(o); },
                                [](const FetchOptions& o) { return run_fetch(o); },
                                [](const CancelOptions& o) { return run_cancel(o); },
+                               [](const ChangeOptions& o) { return run_change(o); },
                                [](const RemoveOptions& o) { return run_remove(o); },
                                [](const ResumeOptions& o) { return run_resume(o); },
                                [](const LogsOptions& o) { return run_logs(o); },

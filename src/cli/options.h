@@ -101,6 +101,11 @@ struct CancelOptions {
   ServiceAddress service;
   std::uint64_t job = 0;
 };
+struct ChangeOptions {
+  ServiceAddress service;
+  std::uint64_t job = 0;
+  int priority = 0;
+};
 struct ResumeOptions {
   ServiceAddress service;
   std::uint64_t job = 0;
@@ -113,7 +118,7 @@ struct LogsOptions {
 };
 
 using Command = std::variant<RenderOptions, SplitCommand, WorkerOptionsGiven, CompareOptions, InfoOptions, SimulateOptions, ServeOptions,
-                             SubmitOptions, StatusOptions, FetchOptions, CancelOptions, RemoveOptions, ResumeOptions, LogsOptions, HelpText>;
+                             SubmitOptions, StatusOptions, FetchOptions, CancelOptions, ChangeOptions, RemoveOptions, ResumeOptions, LogsOptions, HelpText>;
 
 // Throws UsageError.
 Command parse_command_line(int argc, const char* const* argv);

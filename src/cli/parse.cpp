@@ -325,7 +325,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   if (argc > 1 && argv[1][0] != '-' &&
       app.get_subcommands([&](CLI::App* a) { return a->get_name() == argv[1]; }).empty())
     throw UsageError("there is no command '" + std::string(argv[1]) +
-                     "'; known are render, manager, worker, split, compare, info, simulate, submit, status, fetch, cancel, remove, resume and logs");
+                     "'; known are render, manager, worker, split, compare, info, simulate, submit, status, fetch, cancel, change, remove, resume and logs");
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help, --version

@@ -10,7 +10,7 @@ namespace cloudrenderer {
 
 struct ServiceCommands::Given {
   // users' commands
-  CLI::App *submit = nullptr, *status = nullptr, *fetch = nullptr, *cancel = nullptr, *remove = nullptr, *resume = nullptr, *logs = nullptr;
+  CLI::App *submit = nullptr, *status = nullptr, *fetch = nullptr, *cancel = nullptr, *change = nullptr, *remove = nullptr, *resume = nullptr, *logs = nullptr;
   std::string url, token_file, authority;
   std::vector<std::string> scenes;
   std::string name, priority, retries, timeout, budget, on_budget, deadline, job, frame, output;
@@ -65,17 +65,19 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
   g.status = app.add_subcommand("status", "how far your jobs are");
   g.fetch = app.add_subcommand("fetch", "get a job's pictures");
   g.cancel = app.add_subcommand("cancel", "end a job");
+  g.change = app.add_subcommand("change", "give a job that has not ended another priority");
   g.remove = app.add_subcommand("remove", "forget a job that has ended, with its pictures and logs");
   g.resume = app.add_subcommand("resume", "go on with a job that its budget has stopped");
   g.logs = app.add_subcommand("logs", "what happened to a job, or in a frame");
   g.status->add_option("job", g.job, "number of a job (default: a list of all)");
   g.status->add_flag("--hosts", g.hosts, "instead: hosts that are there, and how many of which kind would help now");
-  for (CLI::App* command : {g.fetch, g.cancel, g.remove, g.resume, g.logs}) command->add_option("job", g.job, "number of the job")->required();
+  for (CLI::App* command : {g.fetch, g.cancel, g.change, g.remove, g.resume, g.logs}) command->add_option("job", g.job, "number of the job")->required();
   g.fetch->add_option("-o,--output", g.output, "folder to write to (default: here)");
   g.fetch->add_flag("--preview", g.preview, "what there is of unfinished frames, too, as NAME.preview.exr");
+  g.change->add_option("--priority", g.priority, "-10 to 10, as far as the service lets you")->required();
   g.resume->add_option("--budget", g.budget, "money that the job may cost from now on, what it has cost included");
   g.logs->add_option("--frame", g.frame, "the log of this frame, counted from 0");
-  for (CLI::App* command : {g.submit, g.status, g.fetch, g.cancel, g.remove, g.resume, g.logs}) g.add_address(*command);
+  for (CLI::App* command : {g.submit, g.status, g.fetch, g.cancel, g.change, g.remove, g.resume, g.logs}) g.add_address(*command);
 }
 
 void ServiceCommands::add_serve(CLI::App& manager) {
@@ -186,6 +188,7 @@ std::optional<Command> ServiceCommands::read() const {
   }
   if (g.fetch->parsed()) return FetchOptions{g.address(), g.job_number(), g.output, g.preview};
   if (g.cancel->parsed()) return CancelOptions{g.address(), g.job_number()};
+  if (g.change->parsed()) return ChangeOptions{g.address(), g.job_number(), at_least<int>("--priority", g.priority, -10)};
   if (g.remove->parsed()) return RemoveOptions{g.address(), g.job_number()};
   if (g.resume->parsed()) {
     ResumeOptions o{g.address(), g.job_number(), std::nullopt};

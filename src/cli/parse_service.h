@@ -10,7 +10,7 @@ namespace cloudrenderer {
 
 class ServiceCommands {
  public:
-  explicit ServiceCommands(CLI::App& app);  // submit, status, fetch, cancel, remove, resume, logs
+  explicit ServiceCommands(CLI::App& app);  // submit, status, fetch, cancel, change, remove, resume, logs
   ~ServiceCommands();
   ServiceCommands(const ServiceCommands&) = delete;
   ServiceCommands& operator=(const ServiceCommands&) = delete;

@@ -72,6 +72,7 @@ pid_t spawn_self(const std::vector<std::string>& arguments, const SpawnOptions& 
   // The child may run already, but not for long enough to take much.
   if (options.memory != 0) limit(pid, RLIMIT_DATA, options.memory);
   if (options.file_size != 0) limit(pid, RLIMIT_FSIZE, options.file_size);
+  if (options.nice != 0) setpriority(PRIO_PROCESS, static_cast<id_t>(pid), getpriority(PRIO_PROCESS, 0) + options.nice);
   return pid;
 }
 

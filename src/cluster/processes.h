@@ -14,6 +14,7 @@ struct SpawnOptions {
   std::vector<std::string> environment;  // "NAME=value", beside ours or in place of it
   std::uint64_t memory = 0;     // bytes of private memory at most; 0: no limit
   std::uint64_t file_size = 0;  // of a file that it writes; 0: no limit
+  int nice = 0;  // beside ours
 };
 // Runs this very program with the arguments, in a process group of its own so that Ctrl-C reaches only us. Throws
 // ClusterError.

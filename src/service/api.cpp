@@ -118,6 +118,7 @@ const std::vector<Route>& table() {
       {"GET", "/v1/jobs", [](const Call& c) { answer(c, c.service.jobs(c.caller)); }},
       {"POST", "/v1/jobs", [](const Call& c) { answer(c, c.service.submit(c.caller, body_of(c)), 201); }},
       {"GET", "/v1/jobs/{job}", [](const Call& c) { answer(c, c.service.job(c.caller, number_of(c.names[0]))); }},
+      {"PATCH", "/v1/jobs/{job}", [](const Call& c) { answer(c, c.service.change(c.caller, number_of(c.names[0]), body_of(c))); }},
       {"DELETE", "/v1/jobs/{job}", [](const Call& c) { optional_body(c); answer(c, c.service.remove(c.caller, number_of(c.names[0]))); }},
       {"POST", "/v1/jobs/{job}/cancel", [](const Call& c) { optional_body(c); answer(c, c.service.cancel(c.caller, number_of(c.names[0]))); }},
       {"POST", "/v1/jobs/{job}/resume", [](const Call& c) { answer(c, c.service.resume(c.caller, number_of(c.names[0]), optional_body(c))); }},

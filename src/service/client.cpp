@@ -65,6 +65,10 @@ Json ServiceClient::post(const std::string& path, const Json& body, int* status)
   return Json::parse(response.body);
 }
 
+Json ServiceClient::patch(const std::string& path, const Json& body) {
+  return Json::parse(connection_->check(connection_->http.Patch(path, dump(body), "application/json")).body);
+}
+
 Json ServiceClient::remove(const std::string& path) { return Json::parse(connection_->check(connection_->http.Delete(path)).body); }
 
 void ServiceClient::upload(const std::string& sha256, const std::string& path, const std::function<void(std::uint64_t)>& progress) {

@@ -23,6 +23,7 @@ class ServiceClient {
   Json get(const std::string& path);
   std::string text(const std::string& path);
   Json post(const std::string& path, const Json& body, int* status = nullptr);  // with `status`: 4xx are the caller's
+  Json patch(const std::string& path, const Json& body);
   Json remove(const std::string& path);
   // Goes on with what is there of the file; `progress` gets the bytes that the service has.
   void upload(const std::string& sha256, const std::string& path, const std::function<void(std::uint64_t)>& progress);

@@ -38,9 +38,9 @@ void PoolHosts::order(const std::vector<FrameOrder>& orders) {
   }
 }
 
-std::map<std::uint64_t, ServiceHost> PoolHosts::hosts() const {
+std::map<std::uint64_t, ServiceHost> PoolWords::take(const std::map<std::uint64_t, PoolHost>& hosts) {
   std::map<std::uint64_t, ServiceHost> out;
-  for (const auto& [id, host] : pool_.hosts()) {
+  for (const auto& [id, host] : hosts) {
     ServiceHost& h = out[id];
     h.name = host.name;
     h.kind = host.kind;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 namespace cloudrenderer {
@@ -43,10 +44,7 @@ void Scheduler::restore(Job job) {
 Result<std::uint64_t> Scheduler::submit(JobRequest request, double now) {
   using Submitted = Result<std::uint64_t>;
   const UserLimits& user = limits(request.user);
-  if (request.priority > user.priority_limit)
-    return Submitted::failure(fmt::format("your jobs may have a priority of {} at most, got {}", user.priority_limit, request.priority));
-  if (request.priority < kLowestPriority)
-    return Submitted::failure(fmt::format("the priority must be {} to {}, got {}", kLowestPriority, kHighestPriority, request.priority));
+  if (const auto wrong = refuse_priority(request.priority, request.user)) return Submitted::failure(*wrong);
   const auto open = std::ranges::count_if(jobs_, [&](const auto& j) {
     return j.second.request.user == request.user && !is_final(j.second.state);
   });
@@ -64,6 +62,20 @@ Result<std::uint64_t> Scheduler::submit(JobRequest request, double now) {
   const std::uint64_t id = job.id;
   jobs_[id] = std::move(job);
   return id;
+}
+
+std::optional<std::string> Scheduler::refuse_priority(int priority, const std::string& user) const {
+  const int most = std::min(limits(user).priority_limit, kHighestPriority);
+  if (priority > most) return fmt::format("your jobs may have a priority of {} at most, got {}", most, priority);
+  if (priority < kLowestPriority) return fmt::format("the priority must be {} to {}, got {}", kLowestPriority, kHighestPriority, priority);
+  return std::nullopt;
+}
+
+std::optional<std::string> Scheduler::set_priority(std::uint64_t id, int priority, const std::string& user) {
+  if (auto wrong = refuse_priority(priority, user)) return wrong;
+  jobs_.at(id).request.priority = priority;
+  changed_.insert(id);
+  return std::nullopt;
 }
 
 bool Scheduler::cancel(std::uint64_t id, double now) {
@@ -229,14 +241,18 @@ std::optional<FrameRef> Scheduler::next_frame(const Job& job, FrameState state, 
 }
 
 // Jobs that want something, the first to be served first: by priority, then by what their users have running and have
-// used for their shares, then by age.
+// used for their shares, then by the age of their oldest. A deadline comes before none among the jobs of one user only: or
+// everybody would have one.
 std::vector<std::uint64_t> Scheduler::queue(double now) const {
-  using Key = std::tuple<int, double, double, std::uint64_t>;
+  using Key = std::tuple<int, double, double, std::uint64_t, double>;
   std::vector<std::pair<Key, std::uint64_t>> keyed;
+  std::map<std::string, std::uint64_t> oldest;
   for (const auto& [id, job] : jobs_) {
     if (is_final(job.state) || job.state == JobState::paused) continue;
     const std::string& user = job.request.user;
-    keyed.push_back({{-job.request.priority, slots_taken(&user) / limits(user).share, turn(user, now), id}, id});
+    const std::uint64_t first = oldest.try_emplace(user, id).first->second;
+    keyed.push_back({{-job.request.priority, slots_taken(&user) / limits(user).share, turn(user, now), first,
+                      job.deadline.value_or(std::numeric_limits<double>::infinity())}, id});
   }
   std::ranges::sort(keyed);
   std::vector<std::uint64_t> out;

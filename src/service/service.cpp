@@ -29,6 +29,7 @@ constexpr double kUsersEvery = 1;      // between looks at the users' file
 constexpr double kKeepEvery = 2;
 constexpr auto kGoodbye = std::chrono::seconds(10);
 constexpr std::size_t kLogShown = 1 << 20;
+constexpr int kSplitNice = 10;  // it would take the processors of managers, for which hosts wait
 
 int lock_folder(const std::string& folder) {
   fs::create_directories(folder);
@@ -196,7 +197,7 @@ void Service::start_split(FrameRef ref, double now) {
   const RenderSettings& s = job.request.settings;
   if (s.part_size != 0) arguments.insert(arguments.end(), {"--part-size", std::to_string(s.part_size)});
   if (!s.dialect.empty()) arguments.insert(arguments.end(), {"--dialect", s.dialect});
-  child.pid = spawn_self(arguments, {folder, log, {}, config_.child_memory, config_.child_disk});
+  child.pid = spawn_self(arguments, {folder, log, {}, config_.child_memory, config_.child_disk, kSplitNice});
   children_[ref] = child;
 }
 

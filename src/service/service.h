@@ -81,6 +81,7 @@ class Service {
   Json jobs(const Caller& caller);
   Json job(const Caller& caller, std::uint64_t id);
   Json cancel(const Caller& caller, std::uint64_t id);
+  Json change(const Caller& caller, std::uint64_t id, const Json& body);  // its priority
   Json remove(const Caller& caller, std::uint64_t id);  // that has ended, with its files
   Json resume(const Caller& caller, std::uint64_t id, const Json& body);
   Json events(const Caller& caller, std::uint64_t id);

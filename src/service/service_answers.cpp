@@ -141,6 +141,21 @@ Json Service::cancel(const Caller& caller, std::uint64_t id) {
   return to_json(job);
 }
 
+Json Service::change(const Caller& caller, std::uint64_t id, const Json& body) {
+  Fields f(body, "");
+  const auto priority = f.integer("priority", Scheduler::kLowestPriority, Scheduler::kHighestPriority);
+  f.finish();
+  const std::lock_guard lock(mutex_);
+  const Job& job = job_of(caller, id);
+  if (!priority) throw ApiError(422, "priority is missing");
+  if (is_final(job.state)) throw ApiError(409, std::string("the job has ended: it is ") + name(job.state));
+  if (const auto wrong = scheduler_.set_priority(id, static_cast<int>(*priority), caller.name)) throw ApiError(422, *wrong);
+  const double now = unix_time();
+  note(id, fmt::format("its priority is {} now", *priority), now);
+  keep(now);
+  return to_json(job);
+}
+
 Json Service::resume(const Caller& caller, std::uint64_t id, const Json& body) {
   Fields f(body, "");
   const auto budget = f.number("budget", 0, 1e15);

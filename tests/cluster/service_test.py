@@ -37,6 +37,8 @@ class Service(service_support.ServiceTest):
             self.assertEqual(self.ask("nobody", "GET", path)[0], 401, path)
             self.assertEqual(self.ask("ann", "GET", path)[0], 200, path)
         self.assertEqual(self.ask("bob", "POST", f"/v1/jobs/{ann}/cancel")[0], 404)
+        self.assertEqual(self.ask("bob", "PATCH", f"/v1/jobs/{ann}", {"priority": -1})[0], 404)
+        self.assertEqual(self.ask("ann", "PATCH", f"/v1/jobs/{ann}", {"priority": -1})[0], 409, "it has ended")
         self.assertEqual([j["id"] for j in self.ask("bob", "GET", "/v1/jobs")[1]], [bob])
         self.assertEqual([j["id"] for j in self.ask("root", "GET", "/v1/jobs")[1]], [ann, bob])
         self.assertEqual([u["user"] for u in self.ask("bob", "GET", "/v1/usage")[1]["users"]], ["bob"])
@@ -111,6 +113,11 @@ class Service(service_support.ServiceTest):
         # Ended by its user, in the middle.
         job = self.submit("ann", support.SCENE, "--spp", 100000, *SPLIT)
         self.wait_for(lambda: self.state("ann", job)["frames"][0]["state"] == "running", "it does not run")
+        self.assertIn("has priority -4", self.command("ann", "change", job, "--priority", -4))
+        self.assertEqual(self.state("ann", job)["priority"], -4)
+        self.assertIn("a priority of 0 at most, got 1", self.command("ann", "change", job, "--priority", 1, code=2))
+        self.assertIn("has priority 5", self.command("root", "change", job, "--priority", 5), "an administrator's own limit counts")
+        self.command("bob", "change", job, "--priority", -1, code=2)
         self.assertIn("cancelled", self.command("ann", "cancel", job))
         self.wait_for(lambda: self.state("ann", job)["frames"][0]["state"] == "cancelled", "it runs on")
         self.assertEqual(self.ask("ann", "POST", f"/v1/jobs/{job}/cancel")[0], 409)
@@ -179,7 +186,7 @@ class Service(service_support.ServiceTest):
         for status, method, path, body, headers in (
                 (400, "POST", "/v1/jobs", b"{", {}), (422, "POST", "/v1/jobs", {}, {}), (400, "POST", "/v1/jobs", b"[" * 100_000, {}),
                 (413, "POST", "/v1/scenes", b" " * 40_000_000, {}), (415, "POST", "/v1/jobs", b"x", {"Content-Type": "multipart/form-data; boundary=x"}),
-                (405, "DELETE", "/v1/jobs", None, {}), (405, "PATCH", "/v1/jobs/1", b"{}", {}), (404, "GET", "/v1/jobs/1", None, {}),
+                (405, "DELETE", "/v1/jobs", None, {}), (405, "PATCH", "/v1/jobs", b"{}", {}), (404, "PATCH", "/v1/jobs/1", {"priority": 1}, {}), (422, "PATCH", "/v1/jobs/1", {"prior": 1}, {}), (404, "GET", "/v1/jobs/1", None, {}),
                 (404, "GET", "/v1/jobs/x", None, {}), (404, "GET", "/page", None, {}), (404, "POST", "/", {}, {}), (404, "GET", "/v1/blobs/short", None, {}),
                 (414, "GET", "/v1/" + "x" * 2000, None, {}), (400, "PUT", wrong, b"a", {"Content-Range": "bytes 5-2/9"}),
                 (413, "PUT", wrong, b"a", {"Content-Range": "bytes 0-0/1000000000000"}),

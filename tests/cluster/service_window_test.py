@@ -163,6 +163,7 @@ class Window(service_support.ServiceTest):
                               str(ann), str(bob), shots], timeout=90)
         self.assertEqual(result.code, 0, result.output)
         self.wait_for(lambda: self.state("ann", ann)["state"] == "cancelled", "it is not cancelled")
+        self.assertEqual(self.state("ann", ann)["priority"], -3)
         self.assertEqual(self.state("bob", bob)["state"], "running")
 
 

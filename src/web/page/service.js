@@ -135,6 +135,8 @@ function showJob() {
   for (const id of ["exr", "png"]) $(id).disabled = !r || !job;
   $("cancel").disabled = !r || ended(r);
   $("resume").hidden = !r || !r.over_budget;
+  $("prioritybox").hidden = !r || ended(r);
+  if (r && document.activeElement !== $("priority")) $("priority").value = r.priority;
   $("framebar").hidden = !r || r.frames < 2;
   $("buttons").hidden = $("track").hidden = !r;
   if (!r) {
@@ -215,8 +217,8 @@ async function look(id, frame) {
       await new Promise(next => { nudge = next; });
   }
 }
-async function post(path, body) {
-  const answer = await fetch(path, { method: "POST", headers: { ...headers(), "Content-Type": "application/json" }, body: JSON.stringify(body) });
+async function post(path, body, method = "POST") {
+  const answer = await fetch(path, { method, headers: { ...headers(), "Content-Type": "application/json" }, body: JSON.stringify(body) });
   $("note").textContent = answer.ok ? "" : await why(answer);
 }
 $("cancel").onclick = () => confirm(`Cancel job ${selected}? Pictures that are done are kept.`) && post(`/v1/jobs/${selected}/cancel`, {});
@@ -225,6 +227,11 @@ $("resume").onclick = () => {
   if (given === null) return;
   if (given.trim() === "" || !isFinite(given)) return void ($("note").textContent = "a budget is a number");
   post(`/v1/jobs/${selected}/resume`, { budget: +given });
+};
+$("priority").onchange = async () => {
+  if ($("priority").value !== "") await post(`/v1/jobs/${selected}`, { priority: +$("priority").value }, "PATCH");
+  $("priority").value = row()?.priority;  // until the service says the new one
+  $("priority").blur();
 };
 const picturePath = ending => `/v1/jobs/${looking.job}/frames/${looking.frame}/preview.${ending}`;
 const pictureName = ending => titleOf(row()).replace(/\.pbrt$/, "").replace(/[^\w.-]+/g, "_") + (row().frames > 1 ? "-" + looking.frame : "") + "." + ending;
