@@ -11,7 +11,7 @@ namespace {
 
 // Quantiles of the normal distribution: 98 % for one look, since it is an approximation and 90 % are promised. Who looks
 // after every round and stops at the first good one takes the luckiest of his looks: found with many seeds.
-constexpr double kOnce = 2.326, kRepeatedly = 3.3;
+constexpr double kOnce = 2.326, kRepeatedly = 6;
 // An error is never taken as relative to less than this share of the brightest neighbour: the edge of a light.
 constexpr float kShareOfNeighbour = 0.02f;
 constexpr float kBrightest = 1e15f;  // squares of sums of such stay finite
