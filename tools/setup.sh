@@ -1,18 +1,27 @@
 #!/usr/bin/env bash
-# setup.sh [--build-only]: installs what building and testing need: Debian 12 or later packages, as root. Quiet; does
-# nothing when all is there.
+# setup.sh [--build-only | --libraries]: installs what building and testing need: Debian 12 or later packages, as root.
+# Quiet; does nothing when all is there. --libraries: only tells the packages that are linked, which arm64.sh needs too.
 set -euo pipefail
 
-packages=(
-  build-essential cmake ninja-build ccache pkg-config clang-format clang-tidy
-  libembree-dev libopenexr-dev libopenimageio-dev openimageio-tools libglm-dev libtbb-dev
-  uuid-dev libasio-dev libprotobuf-dev protobuf-compiler libssl-dev openssl
+libraries=(
+  libembree-dev libopenexr-dev libopenimageio-dev libglm-dev libtbb-dev
+  uuid-dev libasio-dev libprotobuf-dev libssl-dev
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
   zlib1g-dev liblz4-dev libzstd-dev libxxhash-dev libboost-dev
   libcpp-httplib-dev prometheus-cpp-dev libsqlite3-dev
 )
+packages=(
+  build-essential cmake ninja-build ccache pkg-config clang-format clang-tidy
+  openimageio-tools protobuf-compiler openssl
+)
+test_libraries=(libgtest-dev libbenchmark-dev)
+if [[ ${1:-} == --libraries ]]; then
+  echo "${libraries[@]}" "${test_libraries[@]}"
+  exit 0
+fi
+packages+=("${libraries[@]}")
 [[ ${1:-} == --build-only ]] || packages+=(
-  libgtest-dev libbenchmark-dev
+  "${test_libraries[@]}"
   python3 python3-numpy python3-openimageio python3-venv iproute2 chromium
 )
 

@@ -2,21 +2,30 @@
 // Formulas that are written once and serve one number or eight: templates over F, which is `float` or `Float8`. Every
 // operation here is the same IEEE operation for both, so that a lane has the bits that the formula gives for the one
 // number. Branches become select(); `if (lanes::any(mask))` skips what no lane needs.
-#include <immintrin.h>
-
 #include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 
 #include "cloudrenderer/math.h"
+#ifdef __AVX2__
+#include "base/lanes_avx2.h"
+#else
+#include "base/lanes_plain.h"
+#endif
 
 namespace cloudrenderer {
 
 inline constexpr std::size_t kLanes = 8;
 
-using Bits8 = std::uint32_t __attribute__((vector_size(32)));
-using Ints8 = std::int32_t __attribute__((vector_size(32)));
+namespace lanes {
+#ifdef __AVX2__
+namespace processor = avx2;
+#else
+namespace processor = plain;
+#endif
+}  // namespace lanes
 
 // Eight truths. && and || look at both sides.
 struct Mask8 {
@@ -36,17 +45,21 @@ struct Mask8 {
 };
 
 struct Float8 {
-  using Raw = float __attribute__((vector_size(32)));
+  using Raw = Floats8;
   Raw v;
   Float8() = default;
-  Float8(float x) : v(_mm256_set1_ps(x)) {}  // NOLINT: literals mix with lanes
+  Float8(float x) : v{x, x, x, x, x, x, x, x} {}  // NOLINT: literals mix with lanes
   static Float8 of(Raw raw) {
     Float8 f;
     f.v = raw;
     return f;
   }
-  static Float8 load(const float* eight) { return of(_mm256_loadu_ps(eight)); }
-  void store(float* eight) const { _mm256_storeu_ps(eight, v); }
+  static Float8 load(const float* eight) {
+    Float8 f;
+    std::memcpy(&f.v, eight, sizeof v);
+    return f;
+  }
+  void store(float* eight) const { std::memcpy(eight, &v, sizeof v); }
 
   friend Float8 operator+(Float8 a, Float8 b) { return of(a.v + b.v); }
   friend Float8 operator-(Float8 a, Float8 b) { return of(a.v - b.v); }
@@ -58,8 +71,8 @@ struct Float8 {
   Float8& operator*=(Float8 o) { return *this = *this * o; }
   Float8& operator/=(Float8 o) { return *this = *this / o; }
   friend Float8 copysign(Float8 x, Float8 sign) {
-    const __m256 bit = _mm256_set1_ps(-0.f);
-    return of(_mm256_or_ps(_mm256_andnot_ps(bit, x.v), _mm256_and_ps(bit, sign.v)));
+    const Bits8 bits = (reinterpret_cast<Bits8>(x.v) & 0x7fffffffu) | (reinterpret_cast<Bits8>(sign.v) & 0x80000000u);
+    return of(reinterpret_cast<Raw>(bits));
   }
   friend Mask8 operator<(Float8 a, Float8 b) { return Mask8::of(a.v < b.v); }
   friend Mask8 operator>(Float8 a, Float8 b) { return Mask8::of(a.v > b.v); }
@@ -95,15 +108,13 @@ using Vec2x8 = Vec2Of<Float8>;
 namespace lanes {
 
 inline bool any(bool m) { return m; }
-inline bool any(Mask8 m) { return !_mm256_testz_si256(reinterpret_cast<__m256i>(m.v), reinterpret_cast<__m256i>(m.v)); }
+inline bool any(Mask8 m) { return processor::any(m.v); }
 template <class M>
 bool none(M m) {
   return !any(m);
 }
 inline std::uint32_t to_bits(bool m) { return m; }
-inline std::uint32_t to_bits(Mask8 m) {
-  return static_cast<std::uint32_t>(_mm256_movemask_ps(reinterpret_cast<__m256>(m.v)));
-}
+inline std::uint32_t to_bits(Mask8 m) { return processor::to_bits(m.v); }
 // The lanes whose bit is set.
 inline Mask8 from_mask_bits(std::uint32_t bits) {
   constexpr Ints8 kBit = {1, 2, 4, 8, 16, 32, 64, 128};
@@ -111,9 +122,7 @@ inline Mask8 from_mask_bits(std::uint32_t bits) {
 }
 
 inline float select(bool m, float a, float b) { return m ? a : b; }
-inline Float8 select(Mask8 m, Float8 a, Float8 b) {
-  return Float8::of(_mm256_blendv_ps(b.v, a.v, reinterpret_cast<__m256>(m.v)));
-}
+inline Float8 select(Mask8 m, Float8 a, Float8 b) { return Float8::of(processor::select(m.v, a.v, b.v)); }
 inline bool select(bool m, bool a, bool b) { return m ? a : b; }
 inline Mask8 select(Mask8 m, Mask8 a, Mask8 b) { return Mask8::of((m.v & a.v) | (~m.v & b.v)); }
 template <class F>
@@ -124,20 +133,20 @@ Vec3Of<F> select(MaskOf<F> m, const Vec3Of<F>& a, const Vec3Of<F>& b) {
 // As std::min and std::max, also for NaN and zeros.
 inline float min(float a, float b) { return std::min(a, b); }
 inline float max(float a, float b) { return std::max(a, b); }
-inline Float8 min(Float8 a, Float8 b) { return Float8::of(_mm256_min_ps(b.v, a.v)); }
-inline Float8 max(Float8 a, Float8 b) { return Float8::of(_mm256_max_ps(b.v, a.v)); }
+inline Float8 min(Float8 a, Float8 b) { return Float8::of(processor::min(a.v, b.v)); }
+inline Float8 max(Float8 a, Float8 b) { return Float8::of(processor::max(a.v, b.v)); }
 inline float sqrt(float x) { return std::sqrt(x); }
-inline Float8 sqrt(Float8 x) { return Float8::of(_mm256_sqrt_ps(x.v)); }
+inline Float8 sqrt(Float8 x) { return Float8::of(processor::sqrt(x.v)); }
 inline float abs(float x) { return std::fabs(x); }
-inline Float8 abs(Float8 x) { return Float8::of(_mm256_andnot_ps(_mm256_set1_ps(-0.f), x.v)); }
+inline Float8 abs(Float8 x) { return Float8::of(reinterpret_cast<Floats8>(reinterpret_cast<Bits8>(x.v) & 0x7fffffffu)); }
 template <class F>
 Vec3Of<F> abs(const Vec3Of<F>& v) {
   return {abs(v.x), abs(v.y), abs(v.z)};
 }
 inline float fma(float a, float b, float c) { return std::fma(a, b, c); }
-inline Float8 fma(Float8 a, Float8 b, Float8 c) { return Float8::of(_mm256_fmadd_ps(a.v, b.v, c.v)); }
+inline Float8 fma(Float8 a, Float8 b, Float8 c) { return Float8::of(processor::fma(a.v, b.v, c.v)); }
 inline float nearbyint(float x) { return std::nearbyint(x); }
-inline Float8 nearbyint(Float8 x) { return Float8::of(_mm256_round_ps(x.v, _MM_FROUND_CUR_DIRECTION)); }
+inline Float8 nearbyint(Float8 x) { return Float8::of(processor::nearbyint(x.v)); }
 
 // Bits of floats, and whole numbers. to_int: of whole numbers within its range.
 inline std::uint32_t bits(float x) { return std::bit_cast<std::uint32_t>(x); }
@@ -180,9 +189,7 @@ Vec3Of<F> normalize(const Vec3Of<F>& v) {
 }
 
 // Numbers of a table.
-inline Float8 lookup(const float* table, Ints8 at) {
-  return Float8::of(_mm256_i32gather_ps(table, reinterpret_cast<__m256i>(at), sizeof(float)));
-}
+inline Float8 lookup(const float* table, Ints8 at) { return Float8::of(processor::lookup(table, at)); }
 
 // f(lane) for the lanes of m.
 template <class Fn>
@@ -215,31 +222,33 @@ inline void put(Vec3x8& x, std::size_t i, const Vec3& a) {
   x.z.v[i] = a.z;
 }
 
+// Of two vectors, within each half: pairs of their first or of their last two numbers.
+inline Floats8 pairs_low(Floats8 a, Floats8 b) { return __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13); }
+inline Floats8 pairs_high(Floats8 a, Floats8 b) { return __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15); }
+
 // Row i becomes lane i.
 inline void transpose(std::array<Float8, 8>& rows) {
-  __m256 a[8], b[8];
+  Floats8 a[8], b[8];
   for (std::size_t i = 0; i < 8; i += 2) {
-    a[i] = _mm256_unpacklo_ps(rows[i].v, rows[i + 1].v);
-    a[i + 1] = _mm256_unpackhi_ps(rows[i].v, rows[i + 1].v);
+    a[i] = pairs_low(rows[i].v, rows[i + 1].v);
+    a[i + 1] = pairs_high(rows[i].v, rows[i + 1].v);
   }
   for (std::size_t i = 0; i < 8; i += 4) {
-    b[i] = _mm256_shuffle_ps(a[i], a[i + 2], 0x44);
-    b[i + 1] = _mm256_shuffle_ps(a[i], a[i + 2], 0xee);
-    b[i + 2] = _mm256_shuffle_ps(a[i + 1], a[i + 3], 0x44);
-    b[i + 3] = _mm256_shuffle_ps(a[i + 1], a[i + 3], 0xee);
+    b[i] = __builtin_shufflevector(a[i], a[i + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+    b[i + 1] = __builtin_shufflevector(a[i], a[i + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+    b[i + 2] = __builtin_shufflevector(a[i + 1], a[i + 3], 0, 1, 8, 9, 4, 5, 12, 13);
+    b[i + 3] = __builtin_shufflevector(a[i + 1], a[i + 3], 2, 3, 10, 11, 6, 7, 14, 15);
   }
   for (std::size_t i = 0; i < 4; ++i) {
-    rows[i].v = _mm256_permute2f128_ps(b[i], b[i + 4], 0x20);
-    rows[i + 4].v = _mm256_permute2f128_ps(b[i], b[i + 4], 0x31);
+    rows[i].v = __builtin_shufflevector(b[i], b[i + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+    rows[i + 4].v = __builtin_shufflevector(b[i], b[i + 4], 4, 5, 6, 7, 12, 13, 14, 15);
   }
 }
 
 // Four numbers of one thing.
-using Color4 = float __attribute__((vector_size(16)));
+using Color4 = Floats4;
 // Four 16 bit floats from any address.
-inline Color4 load_halves(const void* from) {
-  return _mm_cvtph_ps(_mm_loadl_epi64(static_cast<const __m128i*>(from)));
-}
+inline Color4 load_halves(const void* from) { return processor::load_halves(from); }
 
 // N numbers each from eight places; out[n] holds number n of all. Reads nothing behind them.
 template <std::size_t N>
@@ -250,20 +259,16 @@ std::array<Float8, N> gather(const std::array<const float*, kLanes>& from) {
     transpose(out);
   } else {
     static_assert(N >= 2 && N <= 4);
-    const auto load = [](const float* p) -> __m128 {
-      if constexpr (N == 2) return _mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p)));
-      if constexpr (N == 3) return _mm_maskload_ps(p, _mm_setr_epi32(-1, -1, -1, 0));
-      return _mm_loadu_ps(p);
-    };
-    __m256 rows[4];
-    for (std::size_t i = 0; i < 4; ++i) rows[i] = _mm256_set_m128(load(from[i + 4]), load(from[i]));
-    const __m256 a = _mm256_unpacklo_ps(rows[0], rows[2]), b = _mm256_unpacklo_ps(rows[1], rows[3]);
-    out[0].v = _mm256_unpacklo_ps(a, b);
-    out[1].v = _mm256_unpackhi_ps(a, b);
+    Floats8 rows[4];
+    for (std::size_t i = 0; i < 4; ++i)
+      rows[i] = __builtin_shufflevector(processor::load_few<N>(from[i]), processor::load_few<N>(from[i + 4]), 0, 1, 2, 3, 4, 5, 6, 7);
+    const Floats8 a = pairs_low(rows[0], rows[2]), b = pairs_low(rows[1], rows[3]);
+    out[0].v = pairs_low(a, b);
+    out[1].v = pairs_high(a, b);
     if constexpr (N > 2) {
-      const __m256 c = _mm256_unpackhi_ps(rows[0], rows[2]), d = _mm256_unpackhi_ps(rows[1], rows[3]);
-      out[2].v = _mm256_unpacklo_ps(c, d);
-      if constexpr (N == 4) out[3].v = _mm256_unpackhi_ps(c, d);
+      const Floats8 c = pairs_high(rows[0], rows[2]), d = pairs_high(rows[1], rows[3]);
+      out[2].v = pairs_low(c, d);
+      if constexpr (N == 4) out[3].v = pairs_high(c, d);
     }
   }
   return out;

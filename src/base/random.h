@@ -49,17 +49,7 @@ constexpr T sobol1_reversed(T i) {
   return i;
 }
 
-inline Bits8 reverse_bits(Bits8 x) {
-  // Bytes turned round, and in each the two halves by a table of sixteen.
-  const __m256i bytes = _mm256_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12, 3, 2, 1, 0, 7, 6, 5, 4, 11, 10,
-                                         9, 8, 15, 14, 13, 12);
-  const __m256i low = _mm256_setr_epi8(0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15, 0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5,
-                                       13, 3, 11, 7, 15);
-  const __m256i half = _mm256_set1_epi8(15), turned = _mm256_shuffle_epi8(reinterpret_cast<__m256i>(x), bytes);
-  const __m256i high = _mm256_slli_epi16(_mm256_shuffle_epi8(low, _mm256_and_si256(turned, half)), 4);
-  const __m256i rest = _mm256_shuffle_epi8(low, _mm256_and_si256(_mm256_srli_epi16(turned, 4), half));
-  return reinterpret_cast<Bits8>(_mm256_or_si256(high, rest));
-}
+inline Bits8 reverse_bits(Bits8 x) { return lanes::processor::reverse_bits(x); }
 // A 32-bit finaliser of low bias (Wellons 2018, "Prospecting for Hash Functions").
 inline Bits8 mix32(Bits8 x) {
   x = (x ^ (x >> 16)) * 0x7feb352du;
@@ -175,7 +165,9 @@ class SampleSequence {
         columns[2][i] = of[i].index_;
       }
       const auto load = [](const std::uint32_t* c) {
-        return reinterpret_cast<Bits8>(_mm256_load_si256(reinterpret_cast<const __m256i*>(c)));
+        Bits8 b;
+        std::memcpy(&b, c, sizeof b);
+        return b;
       };
       lo = load(columns[0]);
       hi = load(columns[1]);

@@ -43,9 +43,7 @@ void add_rays(std::vector<float>& out) {
   MeshChunk chunk;
   chunk.material = 0;
   builder.add_chunk(chunk, {positions, {}, {}, triangles, {}});
-  Resident::Options options;
-  options.isa = kInstructionSet;
-  Resident resident(options);
+  Resident resident(Resident::Options{});
   const Part terrain = builder.build();
   resident.load_prototype(0, terrain);
   resident.load_part(PartId{0}, terrain);

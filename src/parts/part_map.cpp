@@ -5,6 +5,8 @@
 #include <bit>
 #include <limits>
 
+#include "base/lanes.h"
+
 namespace cloudrenderer {
 namespace {
 
@@ -20,19 +22,6 @@ Bounds3 widened(const Bounds3& b) {
   if (b.empty()) return {};
   const Vec3 e = kSlack * glm::max(glm::abs(b.min), glm::abs(b.max)) + 1e-30f;
   return {glm::max(b.min - e, Vec3(-kLargest)), glm::min(b.max + e, Vec3(kLargest))};
-}
-
-using Mask = std::int32_t __attribute__((vector_size(32)));  // what comparing lanes gives
-
-// Bit i for each lane i that is set. The loop is one instruction where the processor has it.
-inline std::uint32_t bits(const Mask& m) {
-#ifdef __AVX__
-  return static_cast<std::uint32_t>(__builtin_ia32_movmskps256(reinterpret_cast<const Lanes&>(m)));
-#else
-  std::uint32_t out = 0;
-  for (std::uint32_t i = 0; i < 8; ++i) out |= static_cast<std::uint32_t>(m[i] & 1) << i;
-  return out;
-#endif
 }
 
 inline float smallest(Lanes v) {
@@ -177,7 +166,7 @@ std::size_t PartMap::candidates(const Vec3& origin, const Vec3& direction, float
   while (depth > 0) {
     const Node& node = nodes_[stack[--depth]];
     const Lanes t = ray.enter(node.min, node.max);
-    for (std::uint32_t hit = bits(t < kInfinity); hit; hit &= hit - 1) {
+    for (std::uint32_t hit = lanes::to_bits(Mask8::of(t < kInfinity)); hit; hit &= hit - 1) {
       const std::uint32_t child = node.child[std::countr_zero(hit)];
       if (!(child & kPartBit)) {
         stack[depth++] = child;

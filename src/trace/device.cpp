@@ -1,6 +1,9 @@
+#ifdef __SSE3__
 #include <pmmintrin.h>
 #include <xmmintrin.h>
+#endif
 
+#include <cstdint>
 #include <string>
 
 #include "base/error.h"
@@ -40,8 +43,16 @@ void Device::check(const char* what) const {
 }
 
 void prepare_compute_thread() {
+#if defined(__SSE3__)
   _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
   _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+#elif defined(__aarch64__)
+  std::uint64_t control;
+  asm volatile("mrs %0, fpcr" : "=r"(control));
+  asm volatile("msr fpcr, %0" : : "r"(control | std::uint64_t{1} << 24));  // FZ: operands and results
+#else
+#error "how do threads of this processor flush denormal numbers to zero?"
+#endif
 }
 
 }  // namespace cloudrenderer

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "parts/part_builder.h"
 #include "parts/spool.h"
@@ -17,9 +18,11 @@ namespace {
 // A bit a lane. Mostly one lane of a packet asks, and looking at one after the other would cost a wrong guess of the
 // processor each time.
 std::uint32_t valid_lanes(const int* valid, unsigned n) {
-  if (n == 8)
-    return static_cast<std::uint32_t>(
-        _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(valid)))));
+  if (n == kLanes) {
+    Ints8 on;
+    std::memcpy(&on, valid, sizeof on);
+    return lanes::to_bits(Mask8::of(on));
+  }
   std::uint32_t bits = 0;
   for (unsigned i = 0; i < n; ++i) bits |= static_cast<std::uint32_t>(valid[i] != 0) << i;
   return bits;

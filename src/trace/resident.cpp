@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 #include "trace/loaded_part.h"
 #include "trace/part_cache.h"
@@ -77,7 +78,7 @@ void fill(Rays& r, int* valid, const RayPacket& rays, std::uint32_t active, Floa
   put(r.dir_y, rays.direction.y);
   put(r.dir_z, rays.direction.z);
   put(r.tfar, t_far);
-  const auto put_bits = [](void* to, Ints8 x) { _mm256_store_si256(static_cast<__m256i*>(to), reinterpret_cast<__m256i>(x)); };
+  const auto put_bits = [](void* to, Ints8 x) { std::memcpy(to, &x, sizeof x); };
   put_bits(valid, mask.v);
   put_bits(r.tnear, Ints8{});
   put_bits(r.time, Ints8{});
@@ -125,7 +126,7 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
                              Hit* hits) const {
   const LoadedPart& part = *parts_[part_id];
   // Eight numbers that are put together in memory would have to wait for the last of them to be written.
-  const Float8 known = Float8::of(_mm256_setr_ps(hits[0].t, hits[1].t, hits[2].t, hits[3].t, hits[4].t, hits[5].t, hits[6].t, hits[7].t));
+  const Float8 known = Float8::of(Floats8{hits[0].t, hits[1].t, hits[2].t, hits[3].t, hits[4].t, hits[5].t, hits[6].t, hits[7].t});
   const Float8 t_far = lanes::min(rays.t_max, reach(known));
   active = that_may_hit(part, rays, active, t_far);
   if (!active) return;
