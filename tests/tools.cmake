@@ -32,3 +32,8 @@ if(TARGET cloudrenderer)
   tool_test(speed_error speed_error TimeAt Tool)
   tool_test(speed_cluster speed_error Hosts)
 endif()
+# The build for arm64 and what runs of it in qemu-user; skipped aloud where packages cannot be had. It takes hours.
+if(NOT CMAKE_CROSSCOMPILING)
+  add_test(NAME arm64 COMMAND ${PROJECT_SOURCE_DIR}/tools/arm64.sh)
+  set_tests_properties(arm64 PROPERTIES LABELS slow TIMEOUT 14400 RUN_SERIAL ON SKIP_RETURN_CODE 77)
+endif()

@@ -223,6 +223,12 @@ TEST(Curves, HaveAlphaMasks) {
 }
 
 TEST(Curves, TakeTheMemoryThatIsPredicted) {
+  // The prediction is for Embree's trees of eight children; where it has only those of four (arm64) they take less.
+#ifdef __aarch64__
+  constexpr double kMostAbove = 1.5;
+#else
+  constexpr double kMostAbove = 1.3;
+#endif
   for (const std::size_t n : {std::size_t{1}, std::size_t{20}, std::size_t{500}, std::size_t{8000}, std::size_t{40000}}) {
     SCOPED_TRACE(n);
     const Tuft t = tuft(n);
@@ -244,7 +250,7 @@ TEST(Curves, TakeTheMemoryThatIsPredicted) {
     EXPECT_LE(used, predicted);
     EXPECT_LE(resident.peak_bytes() - before, predicted + loaded_bytes::build(0, predicted));
     if (used > 1u << 20) {
-      EXPECT_LE(static_cast<double>(predicted), 1.3 * static_cast<double>(used));
+      EXPECT_LE(static_cast<double>(predicted), kMostAbove * static_cast<double>(used));
     }
   }
 }
