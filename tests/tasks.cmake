@@ -9,4 +9,5 @@ cloudrenderer_test(tasks_tests LABEL unit SHARDS 2
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_checkpoint_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_progress_record_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/tasks_kinds_of_hosts_test.cpp
           ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_drop_test.cpp
+          ${CMAKE_CURRENT_SOURCE_DIR}/tasks_manager_teams_test.cpp
   LINK cr_simulate)

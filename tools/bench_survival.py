@@ -52,7 +52,7 @@ def render(args, kind, scene, undisturbed=None):
             with open(folder / f"worker{len(processes)}.log", "w") as out:
                 processes.append(start([args.program, "worker", "--manager", address, "--threads", 1, "--memory",
                                         args.memory, "--name", f"worker{len(processes)}", *options],
-                                       out, groups.group(cores)))
+                                       out, groups.group(cores, quota.FIRST)))
 
         def at(share):
             wanted = undisturbed["time"]["load_s"] + share * undisturbed["time"]["render_s"]

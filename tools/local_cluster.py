@@ -45,14 +45,14 @@ def render(program, scene, shares, options, memory, timeout):
         processes = []
         with open(log, "w") as out:
             manager = start([program, "manager", scene, "-o", folder / "out.exr", "--listen", "127.0.0.1:0", "--min-hosts",
-                             len(shares), "--report", folder / "report.json", "--quiet", *options], out)
+                             len(shares), "--report", folder / "report.json", "--quiet", *options], out, groups.group(1, quota.FIRST))
         try:
             before = processor_ticks()
             address = listening(log, manager)
             for number, share in enumerate(shares):
                 with open(folder / f"worker{number}.log", "w") as out:
                     processes.append(start([program, "worker", "--manager", address, "--threads", 1, "--memory", memory,
-                                            "--name", f"worker{number}"], out, groups.group(share)))
+                                            "--name", f"worker{number}"], out, groups.group(share, quota.FIRST)))
             code = manager.wait(timeout)
             after = processor_ticks()
             for process in processes:

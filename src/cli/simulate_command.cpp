@@ -43,6 +43,8 @@ Json to_json(const sim::Prediction& p) {
           {"reclaimed", p.reclaimed},
           {"joined", p.joined},
           {"paged_parts", p.paged_parts},
+          {"teams", p.teams},
+          {"connections", p.connections},
           {"bottleneck", p.bottleneck},
           {"bottleneck_share", p.bottleneck_share},
           {"segment", p.segment},

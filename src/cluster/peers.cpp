@@ -17,8 +17,8 @@ constexpr auto kBetweenAttempts = 1s;
 // A host that the others have lost does not know it yet: they close what it opens, and it must not
 // spend its time on that.
 constexpr auto kBeforeAgain = 200ms;
-constexpr auto kOthersTurn =
-    3s;  // how long the host with the smaller number waits to be connected to
+// A connection of the larger number that is no older is not replaced: the other end has made one at the same time.
+constexpr double kSameTime = 3;  // seconds
 constexpr std::size_t kMaxStrangers = 64;
 
 }  // namespace
@@ -38,8 +38,13 @@ std::shared_ptr<PeerLink> Peers::link_of(HostId host) const {
 
 bool Peers::send(HostId to, const wire::Bytes& payload) {
   const auto link = link_of(to);
-  if (link) link->send(payload);
-  return link != nullptr;
+  if (!link) return false;
+  link->send(payload);
+  if (link->connected()) return true;
+  const std::lock_guard lock(mutex_);
+  const auto peer = peers_.find(to);
+  if (peer != peers_.end() && peer->second.link == link) spawn_connector(to, peer->second, 0ms);
+  return true;
 }
 
 void Peers::update(const std::vector<wire::HostEntry>& hosts) {
@@ -58,7 +63,7 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
     }
     peer.incarnation = h.incarnation();
     peer.link = std::make_shared<PeerLink>(io_, self_.incarnation, h.incarnation(), now_);
-    spawn_connector(host, peers_[host] = std::move(peer), 0ms);
+    peers_[host] = std::move(peer);
   }
   std::erase_if(peers_, [&](auto& entry) {
     if (there.contains(entry.first)) return false;
@@ -67,9 +72,8 @@ void Peers::update(const std::vector<wire::HostEntry>& hosts) {
   });
 }
 
-void Peers::spawn_connector(HostId host, const Peer& peer,
-                            std::chrono::milliseconds first_pause) {
-  if (self_.host < host) first_pause = kOthersTurn;
+void Peers::spawn_connector(HostId host, Peer& peer, std::chrono::milliseconds first_pause) {
+  if (std::exchange(peer.connecting, true)) return;
   // Posted: the mutex is held here.
   asio::post(io_, [this, host, link = peer.link, address = peer.address, first_pause] {
     asio::co_spawn(io_, keep_connected(host, link, address, first_pause),
@@ -77,6 +81,14 @@ void Peers::spawn_connector(HostId host, const Peer& peer,
                      if (error) spdlog::warn("no more attempts to connect to host {}", host.value);
                    });
   });
+}
+
+// False: the connector's work is done.
+bool Peers::needs_connection(HostId host, const std::shared_ptr<PeerLink>& link) {
+  const std::lock_guard lock(mutex_);
+  const auto peer = peers_.find(host);
+  if (peer == peers_.end() || peer->second.link != link) return false;
+  return peer->second.connecting = !link->connected() && link->queued() != 0;
 }
 
 asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLink> link,
@@ -87,7 +99,7 @@ asio::awaitable<void> Peers::keep_connected(HostId host, std::shared_ptr<PeerLin
     timer.expires_after(first_pause);
     co_await timer.async_wait(asio::use_awaitable);
   }
-  while (link_of(host) == link && !link->connected()) {
+  while (needs_connection(host, link)) {
     std::string why;
     try {
       open(co_await connect(io_, address, kAttempt, self_.tls), Handshake::Role::connects, host);
@@ -118,7 +130,7 @@ void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role, std::opti
     hello.set_incarnation(self_.incarnation);
     send_unsequenced(*session, hello);
   };
-  h.introduced = [this](const auto& session, wire::Message&& m) { return introduced(session, m); };
+  h.introduced = [this, role](const auto& session, wire::Message&& m) { return introduced(session, role, m); };
   h.frame = [this](const auto& session, WireFrame f) { receive(session, std::move(f)); };
   h.closed = [this, to, proved](const auto& session, const std::string& reason) {
     // Who has another secret, or another --tls, is out of reach like who does not answer.
@@ -134,23 +146,35 @@ void Peers::open(std::unique_ptr<Stream> stream, Handshake::Role role, std::opti
   sessions_.insert(std::move(session));
 }
 
-bool Peers::introduced(const std::shared_ptr<Session>& session, const wire::Message& message) {
+bool Peers::introduced(const std::shared_ptr<Session>& session, Handshake::Role role, const wire::Message& message) {
   const auto* hello = std::get_if<wire::PeerHello>(&message);
   if (hello == nullptr) {
     session->close(std::string("it sent ") + wire::message_name(message) + " instead of PeerHello");
     return false;
   }
   const HostId host(hello->host());
+  const bool by_larger = (role == Handshake::Role::connects) == (host < self_.host);
   std::shared_ptr<PeerLink> link;
+  bool twice = false;
   {
     const std::lock_guard lock(mutex_);
     const auto peer = peers_.find(host);
-    if (peer != peers_.end() && peer->second.incarnation == hello->incarnation())
+    if (peer != peers_.end() && peer->second.incarnation == hello->incarnation()) {
       link = peer->second.link;
+      twice = !by_larger && peer->second.by_larger && link->connected() && now_() < peer->second.since + kSameTime;
+      if (!twice) {
+        peer->second.since = now_();
+        peer->second.by_larger = by_larger;
+      }
+    }
   }
   if (!link) {  // our list may be older than its: it tries again
     session->close("it says that it is host " + std::to_string(host.value) +
                    ", which is not known");
+    return false;
+  }
+  if (twice) {
+    session->close("there is another one with host " + std::to_string(host.value));
     return false;
   }
   strangers_.remove(session);
@@ -187,7 +211,7 @@ void Peers::closed(const std::shared_ptr<Session>& session, const std::string& r
   peer->second.link->detach(session.get());
   if (peer->second.link->connected()) return;
   spdlog::info("the connection to host {} has ended: {}", host.value, reason);
-  spawn_connector(host, peer->second, kBeforeAgain);
+  if (peer->second.link->queued() != 0) spawn_connector(host, peer->second, kBeforeAgain);
 }
 
 void Peers::close_silent(double seconds) {

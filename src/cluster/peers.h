@@ -18,8 +18,8 @@
 
 namespace cloudrenderer {
 
-// A worker's connections to the other workers. Of two hosts the one with the larger number
-// connects; the other one tries only when nothing has come for a while.
+// A worker's connections to the other workers. Whoever has something for another one connects, as thousands need not all
+// know each other. If two do so at the same time they keep the connection of the one with the larger number.
 class Peers {
  public:
   struct Self {
@@ -46,15 +46,19 @@ class Peers {
     Address address;
     std::uint64_t incarnation = 0;
     std::shared_ptr<PeerLink> link;
+    bool connecting = false;  // a coroutine tries
+    double since = 0;         // the last connection began
+    bool by_larger = false;   // it is that of the larger number
   };
   // `to`: whom we have called, if it was us.
   void open(std::unique_ptr<Stream> stream, Handshake::Role role, std::optional<HostId> to);
   asio::awaitable<void> keep_connected(HostId host, std::shared_ptr<PeerLink> link, Address address,
                                        std::chrono::milliseconds first_pause);
-  bool introduced(const std::shared_ptr<Session>& session, const wire::Message& message);
+  bool needs_connection(HostId host, const std::shared_ptr<PeerLink>& link);
+  bool introduced(const std::shared_ptr<Session>& session, Handshake::Role role, const wire::Message& message);
   void receive(const std::shared_ptr<Session>& session, WireFrame frame);
   void closed(const std::shared_ptr<Session>& session, const std::string& reason);
-  void spawn_connector(HostId host, const Peer& peer, std::chrono::milliseconds first_pause);
+  void spawn_connector(HostId host, Peer& peer, std::chrono::milliseconds first_pause);  // unless there is one
   std::shared_ptr<PeerLink> link_of(HostId host) const;
 
   asio::io_context& io_;

@@ -69,6 +69,8 @@ struct Prediction {
   double copied = 0;      // paths made by two hosts at the end, of all
   std::uint32_t lost = 0, reclaimed = 0, joined = 0;
   std::uint32_t paged_parts = 0;
+  std::uint32_t teams = 0;      // that hosts worked in, at the end
+  double connections = 0;       // to other workers, of a host
   ManagerLoad manager;
   std::string bottleneck;  // what costs most of what is not efficient
   double bottleneck_share = 0;

@@ -228,7 +228,6 @@ class Simulation {
     if (leaving != 0) n.per_batch += 0.1 * (static_cast<double>(leaving) - n.per_batch);
   }
 
-  // ---- parts ----
   void load(SimulatedHost& n, Work work) {
     std::uint64_t bytes = 0, triangles = 0;
     if (std::holds_alternative<StartJobWork>(work.what)) {
@@ -243,11 +242,11 @@ class Simulation {
     if (const auto* page = std::get_if<PageWork>(&work.what)) add(page->part);
     const double fetched = bytes == 0 ? now() : fetch(n, bytes);
     const double cpu = static_cast<double>(triangles) * model_.costs.triangle;
-    n.cpu_s += cpu;
+    // All threads of a host build a part. Where they also trace, each of the two takes the other's time.
+    const bool shared = core().phase() == ManagerCore::Phase::rendering;
+    (shared ? n.debt : n.cpu_s) += cpu;
     loaded_bytes_ += static_cast<double>(bytes);
-    auto held = std::make_shared<Work>(std::move(work));
-    // All threads of a host build a part; batches that run at the same time are not slowed down by it.
-    at(fetched + cpu / (n.kind->speed * n.kind->threads) + 1e-4, [this, &n, held] {
+    at(fetched + (shared ? 2 : 1) * cpu / (n.kind->speed * n.kind->threads) + 1e-4, [this, &n, held = std::make_shared<Work>(std::move(work))] {
       if (!n.alive) return;
       WorkResult r = execute(*n.store, *held);
       n.core->finish(*held, r, now());
@@ -271,7 +270,7 @@ class Simulation {
 
   // ---- network ----
   void to_peer(SimulatedHost& n, HostId to, wire::Message m) {
-    n.peers.insert(to.value);
+    if (n.peers.insert(to.value).second && !nodes_[to.value]->peers.contains(n.id.value)) connections_ += 2;
     const MessageSize size = size_of(m, weight_, n.per_batch, n.peers.size());
     sent_bytes_ += size.bytes;
     const double cpu = 0.5 * (size.messages * model_.costs.message + size.bytes * model_.costs.message_byte);
@@ -417,6 +416,8 @@ class Simulation {
     p.wasted = wasted / simulated;
     p.copied = copied / simulated;
     p.paged_parts = progress.paged_parts;
+    p.teams = progress.teams;
+    p.connections = connections_ / joined_;
     const double capacity = end.capacity_s - began.capacity_s;
     p.busy = capacity > 0 ? (end.busy_s - began.busy_s) / capacity : 0;
     const double ideal = nodes_[1]->store->engine.ideal_seconds_per_path() * p.paths / mean_speed();
@@ -485,7 +486,7 @@ class Simulation {
   wire::Bytes last_payload_;
   wire::Message last_message_;
   double manager_out_ = 0, manager_in_ = 0, store_out_ = 0;  // when these lines are free again
-  double sent_bytes_ = 0, loaded_bytes_ = 0;
+  double sent_bytes_ = 0, loaded_bytes_ = 0, connections_ = 0;
   std::uint32_t lost_ = 0, reclaimed_ = 0, joined_ = 0;
   std::optional<Mark> began_, late_;
   std::string error_;

@@ -145,10 +145,11 @@ PathSegment restarted(PathSegment s) {
 // Splits a traced batch: what can be shaded stays in it (in order), the rest goes to the buckets of
 // its holders.
 void split_traced(SegmentBatch& batch, const Routing& routing, WorkResult& r) {
-  r.visits.resize(routing.part_count());
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const std::uint32_t part = batch.next[i] ? batch.next[i].value : batch.hits[i].part;
-    if (part < r.visits.size()) ++r.visits[part];
+    if (part >= routing.part_count()) continue;
+    if (r.visits.empty() || r.visits.back().first != part) r.visits.emplace_back(part, 0);
+    ++r.visits.back().second;
   }
   const auto stays = [](PartId p) { return !p; };
   const auto first = std::find_if_not(batch.next.begin(), batch.next.end(), stays);

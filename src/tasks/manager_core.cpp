@@ -14,7 +14,6 @@ constexpr double kUnreachableFactor =
     2;  // of lost_after_s: until a host that peers cannot reach is given up
 
 constexpr double kMissedHeartbeats = 3;  // before a host is lost
-constexpr double kLoadMatters = 0.1, kLoadMattersShare = 0.1;  // seconds of queued work that others are told of, and share of it
 // Up to so many hosts everything is gone through whenever something happens; more are gone through from time to time.
 constexpr std::size_t kFew = 64;
 constexpr double kMost = 0.9;  // of these
@@ -35,14 +34,12 @@ ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
       film_(job_.frame, job_.k),
       features_(job_.start.features() ? job_.frame.pixels() : 0),
       generation_(options.first_generation),
-      fingerprint_(options.fingerprint) {
+      fingerprint_(options.fingerprint),
+      visits_(job_.parts.size()) {
   options_.round_samples = std::max(1u, options_.round_samples);
   options_.tile = std::clamp(options_.tile, 1u, 128u);
-  for (Holders* h : {&there_, &staying_}) {
-    h->of.assign(job_.parts.size(), 0);
-    h->unheld = job_.parts.empty() ? 0 : job_.parts.size() - 1;
-  }
-  told_heartbeat_ = options_.heartbeat_s;
+  teams_.emplace_back(job_.parts.size()).generation = generation_;
+  teams_.front().told_heartbeat = told_heartbeat_ = options_.heartbeat_s;
   progress_.paths_total = job_.frame.pixels() * job_.spp;
   unassigned_paths_ = progress_.paths_total;
   count_rounds();
@@ -96,12 +93,18 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
   welcome.set_lost_after_s(options_.lost_after_s);
   send(id, std::move(welcome));
   send(id, job_.start);
-  next_growth_ = now + options_.map_every_s;
-  if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) phase_ = Phase::loading;
-  if (hosts_.size() > kFew && phase_ != Phase::gathering)
-    placement_due_ = true;  // with those that come at the same time
-  else if (phase_ != Phase::gathering)
-    place_all(now);
+  enter(id, h, phase_ == Phase::gathering ? teams_.front() : team_for_newcomer(now));
+  h.team->next_growth = now + options_.map_every_s;
+  if (phase_ == Phase::gathering && hosts_.size() >= options_.min_hosts) {
+    phase_ = Phase::loading;
+    form_teams();
+    for (Team& team : teams_) team.placement_due = true;
+  }
+  if (phase_ == Phase::gathering) return id;
+  h.team->placement_due = true;  // of many with those that come at the same time
+  if (hosts_.size() <= kFew)
+    for (Team& team : teams_)
+      if (team.placement_due && !finished()) place(team, now);
   return id;
 }
 
@@ -124,63 +127,6 @@ std::uint64_t ManagerCore::main_bytes() const {
   return bytes;
 }
 
-// Who knows the last map hears what has changed.
-void ManagerCore::new_map(bool generation, const Plan* with_drops) {
-  ++epoch_;
-  if (generation) ++generation_;
-  wire::SceneHostMap change;
-  change.set_epoch(epoch_);
-  change.set_generation(generation_);
-  change.set_pause(pause_ != 0);
-  change.set_part_count(static_cast<std::uint32_t>(job_.parts.size()));
-  mapped_all_ = everything_held(true);
-  if (!paged_.empty())
-    for (const auto& [id, h] : hosts_)
-      if (h.started && !h.leaving)
-        for (const PartId p : h.holds) paged_.erase(p);
-  for (std::uint32_t p = 1; p < job_.parts.size(); ++p)
-    if (paged_.contains(PartId(p)) && there_.of[p] == 0) change.add_paged(p);
-  if (with_drops) {
-    for (const auto& [id, parts] : with_drops->drop) {
-      wire::Holding& drops = *change.add_drops();
-      drops.set_host(id.value);
-      for (const PartId p : parts) drops.add_parts(p.value);
-    }
-  }
-  wire::SceneHostMap complete = change;
-  change.set_since(epoch_ - 1);
-  for (const std::uint32_t h : std::exchange(gone_since_map_, {})) change.add_gone(h);
-  std::vector<HostId> hear_change, hear_all;
-  for (auto& [id, h] : hosts_) {
-    if (!h.started) continue;
-    h.changed = h.changed || !h.mapped || h.holds.size() != h.mapped_parts;
-    h.mapped = true;
-    (h.can_hear_changes && h.told == epoch_ - 1 && epoch_ > 1 ? hear_change : hear_all).push_back(id);
-    h.told = epoch_;
-  }
-  const auto add = [](wire::SceneHostMap& map, HostId id, const Host& h) {
-    *map.add_hosts() = h.entry;
-    wire::Holding holding;
-    holding.set_host(id.value);
-    if (!h.leaving || h.released == 0)
-      for (const PartId p : h.holds) holding.add_parts(p.value);
-    // In a complete map hosts without parts are not named.
-    if (map.since() != 0 || holding.parts_size() != 0) *map.add_holdings() = std::move(holding);
-  };
-  for (auto& [id, h] : hosts_) {
-    if (!h.mapped) continue;
-    if (!hear_all.empty()) add(complete, id, h);
-    if (h.changed && !hear_change.empty()) add(change, id, h);
-    h.changed = false;
-    h.mapped_parts = h.holds.size();
-  }
-  const double news = static_cast<double>(change.ByteSizeLong()) * static_cast<double>(hosts_.size());
-  next_growth_ = std::max(next_growth_, last_now_ + std::max(hosts_.size() > kFew ? options_.heartbeat_s / 2 : options_.map_every_s,
-                                                             news / options_.news_bytes_per_s));
-  send(std::move(hear_change), std::move(change));
-  send(std::move(hear_all), std::move(complete));
-}
-
 ManagerCore::Outbox ManagerCore::take_outbox() {
   Outbox out;
   for (Sending& s : take_sendings())
@@ -194,42 +140,8 @@ std::vector<PartId> ManagerCore::held_by(HostId host) const {
   return {h->second.holds.begin(), h->second.holds.end()};
 }
 
-// A heartbeat of thousands of hosts is slower than that of a few.
-double ManagerCore::heartbeat() const {
-  return std::max(options_.heartbeat_s, static_cast<double>(hosts_.size()) / options_.statuses_per_s);
-}
-
 double ManagerCore::lost_after() const {
   return std::max(options_.lost_after_s, kMissedHeartbeats * told_heartbeat_);
-}
-
-void ManagerCore::send_host_list(double now) {
-  next_list_ = now + options_.heartbeat_s;
-  wire::HostList changes, complete;
-  std::vector<HostId> hear_changes, hear_all;
-  for (auto& [id, h] : hosts_) {
-    if (!h.mapped) continue;
-    (h.can_hear_changes ? hear_changes : hear_all).push_back(id);
-    const double load = h.entry.load_s();
-    if (std::abs(load - h.told_load) <= kLoadMatters + kLoadMattersShare * std::min(load, h.told_load)) continue;
-    h.told_load = load;
-    changes.add_changed(id.value);
-    changes.add_load_s(static_cast<float>(load));
-  }
-  if (hear_changes.size() + hear_all.size() < 2) return;
-  const double beat = heartbeat();
-  const bool other_beat = beat > 1.25 * told_heartbeat_ || beat < 0.8 * told_heartbeat_;
-  if (other_beat) changes.set_heartbeat_s(told_heartbeat_ = beat);
-  if (changes.changed_size() != 0 || other_beat) {
-    changes.set_number(++lists_);
-    next_list_ = now + std::max(options_.heartbeat_s, static_cast<double>(changes.ByteSizeLong()) *
-                                                          static_cast<double>(hear_changes.size()) / options_.news_bytes_per_s);
-    send(std::move(hear_changes), std::move(changes));
-  }
-  if (hear_all.empty()) return;
-  for (const auto& [id, h] : hosts_)
-    if (h.mapped) *complete.add_hosts() = h.entry;
-  send(std::move(hear_all), std::move(complete));
 }
 
 void ManagerCore::count_holds(const Host& h, int sign) {
@@ -243,8 +155,8 @@ void ManagerCore::count_holds(const Host& h, int sign) {
       if (n == 0) ++holders.unheld;
     }
   };
-  if (!h.leaving || h.released == 0) count(there_);
-  if (!h.leaving) count(staying_);
+  if (!h.leaving || h.released == 0) count(h.team->there);
+  if (!h.leaving) count(h.team->staying);
 }
 
 void ManagerCore::receive(HostId from, wire::Message message, double now) {
@@ -252,6 +164,7 @@ void ManagerCore::receive(HostId from, wire::Message message, double now) {
   if (it == hosts_.end() || finished()) return void(++progress_.dropped_messages);
   it->second.heard = last_now_ = now;
   std::visit([&](auto& m) { handle(from, it->second, m, now); }, message);
+  end_broken_teams(now);
 }
 
 void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) {
@@ -283,37 +196,38 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
     h.declined.insert(PartId(p));
     declined = true;
   }
-  if (declined) place_all(now);
-  if (!finished()) check_loaded(now);
+  if (declined) place(*h.team, now);
+  if (!finished()) check_loaded(*h.team, now);
 }
 
 // One holder of each part would get the segments of all hosts, and what has been sent to it stays there. So where hosts
 // are many most of them have everything before anybody begins.
-bool ManagerCore::enough_complete() const {
-  if (hosts_.size() <= kFew) return true;
+bool ManagerCore::enough_complete(const Team& t) const {
+  if (t.hosts.size() <= kFew) return true;
   if (last_now_ < next_look_) return false;
-  const auto complete = std::ranges::count_if(hosts_, [](const auto& h) { return h.second.complete(); });
-  return static_cast<double>(complete) >= kMost * static_cast<double>(hosts_.size());
+  const auto complete = std::ranges::count_if(t.hosts, [](const auto& h) { return h.second->complete(); });
+  return static_cast<double>(complete) >= kMost * static_cast<double>(t.hosts.size());
 }
 
-void ManagerCore::check_loaded(double now) {
-  if (phase_ == Phase::loading && everything_held(true) && enough_complete()) return begin_rendering(now);
+// Other teams begin when they have loaded what they need.
+void ManagerCore::check_loaded(Team& t, double now) {
+  const bool ready = everything_held(t, true) && (t.epoch != 0 || enough_complete(t));
+  if (phase_ == Phase::loading && ready) return begin_rendering(now);
   if (phase_ != Phase::rendering) return;
-  if (hosts_.size() > kFew && now < next_growth_ && (mapped_all_ || !everything_held(true)))
-    return hand_out(now);
-  const bool more = std::any_of(hosts_.begin(), hosts_.end(), [&](const auto& e) {
-    const Host& h = e.second;
-    return !h.leaving && (h.complete() || (!h.holds.empty() && now >= next_growth_)) &&
+  if (t.hosts.size() > kFew && now < t.next_growth && (t.mapped_all || !ready)) return hand_out(now);
+  const bool more = std::any_of(t.hosts.begin(), t.hosts.end(), [&](const auto& e) {
+    const Host& h = *e.second;
+    return !h.leaving && (h.complete() || (!h.holds.empty() && now >= t.next_growth)) &&
            (!h.mapped || h.holds.size() != h.mapped_parts);
   });
-  if (more || (!mapped_all_ && everything_held(true))) {
+  if ((more && t.epoch != 0) || (!t.mapped_all && ready)) {
     last_now_ = now;
-    next_growth_ = 0;
-    new_map(false);
+    t.next_growth = 0;
+    new_map(t, false);
   }
   std::vector<HostId> leaving;
-  for (const auto& [id, h] : hosts_)
-    if (h.leaving) leaving.push_back(id);
+  for (const auto& [id, h] : t.hosts)
+    if (h->leaving) leaving.push_back(id);
   for (const HostId id : leaving) try_release(id, now);
   hand_out(now);
 }
@@ -324,13 +238,15 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
   for (const std::uint32_t peer : m.unreachable())
     if (hosts_.contains(HostId(peer)) && HostId(peer) != from)
       unreachable_since_.try_emplace(HostId(peer), now);
-  if (static_cast<std::size_t>(m.visits_size()) == job_.parts.size())
-    visits_[from].assign(m.visits().begin(), m.visits().end());
+  for (int i = 0; i < m.visited_size(); ++i)
+    if (m.visited(i) < visits_.size()) visits_[m.visited(i)] += static_cast<double>(m.rays(i));
+  m.clear_visited();  // of no use to anybody else
+  m.clear_rays();
   reports_[from].last = m;
   finals_ += (m.final() ? 1u : 0u) - (h.final ? 1u : 0u);
   h.final = m.final();
   h.status = std::move(m);
-  end_pause(now);
+  end_pause(*h.team, now);
   if (hosts_.contains(from) && h.leaving) return try_release(from, now);
   check_final(now);
 }
@@ -341,8 +257,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
   h.leaving = h.changed = true;
   count_holds(h, 1);
   h.entry.set_leaving(true);
-  if (phase_ != Phase::gathering) place_all(now);
-  if (!finished()) make_room(now);
+  if (phase_ != Phase::gathering) place(*h.team, now);
+  if (!finished()) make_room(*h.team, now);
   if (!finished()) try_release(from, now);
 }
 
@@ -359,12 +275,12 @@ void ManagerCore::try_release(HostId id, double now) {
       const bool last = outstanding_.empty() && std::all_of(hosts_.begin(), hosts_.end(), [](const auto& e) {
         return e.second.leaving || !e.second.traces();
       });
-      if (!last && !everything_held(false)) return;
+      if (!last && !everything_held(*h.team, false)) return;
       count_holds(h, -1);
       h.released = epoch_ + 1;
       h.changed = true;
       count_holds(h, 1);
-      new_map(false);
+      new_map(*h.team, false);
       return;
     }
     if (h.outstanding_tasks != 0 || !h.status.idle() || h.status.epoch() < h.released) return;
@@ -376,16 +292,21 @@ void ManagerCore::try_release(HostId id, double now) {
   remove(id, false, now);
 }
 
-void ManagerCore::host_lost(HostId host, double now) { remove(host, true, now); }
+void ManagerCore::host_lost(HostId host, double now) {
+  remove(host, true, now);
+  end_broken_teams(now);
+}
 
 void ManagerCore::remove(HostId id, bool lost, double now) {
   const auto it = hosts_.find(id);
   if (it == hosts_.end()) return;
   const bool mapped = it->second.mapped;
+  Team& t = *it->second.team;
   last_now_ = now;
-  if (mapped) gone_since_map_.push_back(id.value);
+  if (mapped) t.gone_since_map.push_back(id.value);
   count_holds(it->second, -1);
   if (it->second.final) --finals_;
+  t.hosts.erase(id);
   hosts_.erase(it);
   gone_.push_back(id);
   unreachable_since_.erase(id);
@@ -409,23 +330,24 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   const bool told = phase_ == Phase::rendering &&
                     mapped;  // the others know the host, and must learn that it is gone
   std::optional<Plan> found;
-  if (phase_ != Phase::gathering && !hosts_.empty()) {
-    if (!everything_held(false)) {
-      found = find_plan(now);
+  if (phase_ != Phase::gathering && !t.hosts.empty() && !t.gathering) {
+    if (!everything_held(t, false)) {
+      found = find_plan(t, now);
     } else {  // other copies take the place of those that are gone; dropping some costs nothing more now
-      auto more = plan(false, Keep::all);
-      if (!more && lost) more = plan(false, Keep::one_copy);
+      auto more = plan(t, false, Keep::all);
+      if (!more && lost) more = plan(t, false, Keep::one_copy);
       if (more) found = std::move(*more);
     }
   }
   if (finished()) return;
-  const bool changed = found && adopt(*found), drops = found && !found->drop.empty();
-  const bool paused = std::exchange(pause_, 0) != 0;
-  if (told || ((changed || paused) && phase_ == Phase::rendering))
-    new_map(lost || drops, found ? &*found : nullptr);
-  if (found) order(*found);
-  make_room(now);
-  check_loaded(now);
+  if (t.hosts.empty()) t.broken = teams_.size() > 1;
+  const bool changed = found && adopt(t, *found), drops = found && !found->drop.empty();
+  const bool paused = std::exchange(t.pause, 0) != 0;
+  if (!t.broken && (told || ((changed || paused) && phase_ == Phase::rendering)))
+    new_map(t, lost || drops, found ? &*found : nullptr);
+  if (found) order(t, *found);
+  make_room(t, now);
+  if (!t.broken) check_loaded(t, now);
   if (phase_ == Phase::rendering) check_end(now);
 }
 
@@ -458,13 +380,17 @@ void ManagerCore::tick(double now) {
     if (now - h.heard > lost_after()) silent.push_back(id);
   for (const HostId id : silent) remove(id, true, now);
   check_unreachable(now);
-  if ((no_room_since_ || std::exchange(placement_due_, false)) && !finished()) place_all(now);
-  if (hosts_.size() > kFew && (phase_ == Phase::loading || (phase_ == Phase::rendering && now >= next_growth_))) {
-    next_look_ = now;
-    check_loaded(now);
-    next_look_ = std::numeric_limits<double>::infinity();  // reports alone are no reason to look at all hosts
+  look_at_newcomers(now);
+  for (Team& t : teams_) {
+    if ((no_room_since_ || t.placement_due) && !finished()) place(t, now);
+    if (t.hosts.size() > kFew && (phase_ == Phase::loading || (phase_ == Phase::rendering && now >= t.next_growth))) {
+      next_look_ = now;
+      check_loaded(t, now);
+      next_look_ = std::numeric_limits<double>::infinity();  // reports alone are no reason to look at all hosts
+    }
+    if (phase_ == Phase::rendering && now >= t.next_list) send_host_list(t, now);
   }
-  if (phase_ == Phase::rendering && now >= next_list_) send_host_list(now);
+  end_broken_teams(now);
   if (phase_ == Phase::rendering) hand_out(now);
   check_final(now);
 }
@@ -476,7 +402,8 @@ ManagerCore::Progress ManagerCore::progress() const {
     if (h.traces()) ++p.tracers;
     if (!h.complete()) ++p.hosts_loading;
   }
-  p.paged_parts = static_cast<std::uint32_t>(paged_.size());
+  for (const Team& t : teams_) p.paged_parts = std::max(p.paged_parts, static_cast<std::uint32_t>(t.paged.size()));
+  p.teams = static_cast<std::uint32_t>(std::ranges::count(teams_, false, &Team::gathering));
   p.epoch = epoch_;
   p.generation = generation_;
   return p;

@@ -8,6 +8,7 @@
 // phase.
 #include <cstdint>
 #include <limits>
+#include <list>
 #include <map>
 #include <optional>
 #include <set>
@@ -38,6 +39,8 @@ struct ManagerOptions {
   // thousands it is said less often.
   double news_bytes_per_s = 32e6;
   double statuses_per_s = 4000;      // of all hosts: where they are thousands, each says less often how it is
+  std::uint32_t team_hosts = 256;    // of more than twice as many, teams of about so many, if the scene fits each twice
+  double newcomers_wait_s = 10;      // at most, for so many that they can be a team where all teams are full
   std::uint32_t tile = 32;           // pixels; smaller for small pictures
   std::uint32_t round_samples = 16;  // samples per pixel of a round; rounds follow each other
   bool hold_rounds = false;          // a round starts only after next_round()
@@ -77,6 +80,8 @@ class ManagerCore {
   };
 
   ManagerCore(const ManagerOptions& options, JobSpec job);
+  ManagerCore(const ManagerCore&) = delete;  // teams and hosts point to each other
+  ManagerCore& operator=(const ManagerCore&) = delete;
 
   // A host asks to join (its secret has been checked). Gives it a number, and queues Welcome and
   // its orders; or says why it is refused: the driver then sends Refused.
@@ -156,6 +161,7 @@ class ManagerCore {
     std::uint32_t paged_parts = 0;  // that no host holds, for want of memory
     std::uint64_t invalid_samples = 0, clamped_samples = 0;
     std::uint32_t epoch = 0, generation = 0;
+    std::uint32_t teams = 0, teams_ended = 0;
     std::uint64_t dropped_messages = 0;
     double render_began = 0, render_ended = 0;
   };
@@ -167,11 +173,13 @@ class ManagerCore {
   bool bit_exact() const { return bit_exact_; }
 
  private:
+  struct Team;
   static bool can(const wire::Hello& hello, wire::Category category);
   static bool has_feature(const wire::Hello& hello, const std::string& feature);  // none named: all
   struct Host {
     wire::HostEntry entry;
     wire::Hello hello;
+    Team* team = nullptr;
     double heard = 0;
     bool started = false;          // has reported the job's main scene ready
     bool mapped = false;           // the hosts know it: it may hold parts and own renderer tasks
@@ -201,6 +209,32 @@ class ManagerCore {
     double fed = 0;  // when it last replied, or was given something after having nothing
     std::uint64_t rate_paths = 0;
   };
+  // Holders of each part among started hosts: that have not been released, and of these that do not leave. So that hosts
+  // and parts need not be gone through at every message.
+  struct Holders {
+    std::vector<std::uint32_t> of;  // by part
+    std::size_t unheld = 0;         // parts
+    std::uint32_t tracers = 0;
+  };
+  // Hosts that hold the whole scene together. A path stays in its team, so that a host knows the others of its team only:
+  // maps, loads, connections, and what a lost host costs do not grow with the cluster. Few hosts are one team.
+  struct Team {
+    explicit Team(std::size_t parts);
+    std::map<HostId, Host*> hosts;
+    std::uint32_t epoch = 0, generation = 1;  // of the last map; of the hosts' path work
+    bool mapped_all = false;                  // every part had a holder in the last map
+    std::vector<std::uint32_t> gone_since_map;
+    Holders there, staying;
+    std::set<PartId> paged;  // parts that have no holder, for want of memory: hosts load them for a while
+    std::uint32_t pause = 0;  // epoch from which on no camera rays are made, until no path is under way
+    double next_growth = 0;   // of the map, by hosts that still load
+    double next_list = 0, told_heartbeat = 0;
+    bool placement_due = false;
+    bool able = false;       // every part has a holder, as of the last look
+    bool gathering = false;  // newcomers that are too few yet
+    bool broken = false;     // what is left of it cannot hold the scene: its hosts go to the other teams
+    double waits_until = 0;  // gathering
+  };
   struct Outstanding {
     RendererRange range;
     HostId host;
@@ -214,33 +248,43 @@ class ManagerCore {
     std::set<PartId> paged;  // nobody's
   };
   enum class Keep { all, one_copy };  // of what hosts hold already
-  PlacementInput placement(bool with_leaving, Keep keep) const;
-  Result<Plan> plan(bool with_leaving, Keep keep) const;
-  Result<Plan> plan_paged(bool with_leaving) const;
+  PlacementInput placement(const Team& t, bool with_leaving, Keep keep) const;
+  Result<Plan> plan(const Team& t, bool with_leaving, Keep keep) const;
+  Result<Plan> plan_paged(const Team& t, bool with_leaving) const;
   Plan plan_of(const PlacementInput& in, std::vector<std::vector<PartId>> hold) const;
-  std::optional<Plan> find_plan(double now);  // or none: nothing to do, or no room (see no_room_)
-  void place_all(double now);
-  bool adopt(const Plan& p);
+  // Or none: nothing to do, no room (see no_room_), or no more use for the team (see Team::broken).
+  std::optional<Plan> find_plan(Team& t, double now);
+  void place(Team& t, double now);
+  bool adopt(Team& t, const Plan& p);
   void drop(const Plan& p);
-  void order(const Plan& p);
+  void order(const Team& t, const Plan& p);
   std::vector<double> visits() const;
-  std::vector<double> pressure() const;
-  bool everything_held(bool by_leaving) const;
-  bool everything_wanted(bool by_leaving) const;
-  bool enough_complete() const;
-  std::optional<Plan> smaller_plan() const;
-  void make_room(double now);
-  void end_pause(double now);
-  bool everything_covered() const;
+  std::vector<double> pressure(const Team& t) const;
+  bool everything_held(const Team& t, bool by_leaving) const;
+  bool everything_wanted(const Team& t, bool by_leaving) const;
+  bool enough_complete(const Team& t) const;
+  std::optional<Plan> smaller_plan(const Team& t) const;
+  void make_room(Team& t, double now);
+  void end_pause(Team& t, double now);
+  bool everything_covered(const Team& t) const;
+
+  // manager_teams.cpp: which hosts work together, and what they are told of each other
+  void enter(HostId id, Host& h, Team& t);
+  void form_teams();
+  bool have_room(std::span<Host* const> hosts, std::size_t teams) const;
+  Team& team_for_newcomer(double now);
+  void look_at_newcomers(double now);
+  void end_broken_teams(double now);
+  Team* smallest_team();
+  void new_map(Team& t, bool generation, const Plan* with_drops = nullptr);
+  void send_host_list(Team& t, double now);
+  double heartbeat() const;
 
   // manager_core.cpp: who is there, and who holds what
   std::uint64_t main_bytes() const;
   std::string instruction_sets() const;  // of the hosts that set the measure
-  void new_map(bool generation, const Plan* with_drops = nullptr);
-  void send_host_list(double now);
-  double heartbeat() const;
   double lost_after() const;
-  // What held_ counts of this host, and no more.
+  // What the team's holders count of this host, and no more.
   void count_holds(const Host& h, int sign);
   void handle(HostId from, Host& h, wire::LoadReport& m, double now);
   void handle(HostId from, Host& h, wire::Reply& m, double now);
@@ -253,7 +297,7 @@ class ManagerCore {
   void remove(HostId id, bool lost, double now);
   void try_release(HostId id, double now);
   void check_unreachable(double now);
-  void check_loaded(double now);
+  void check_loaded(Team& t, double now);
 
   // manager_handout.cpp: renderer tasks and the end
   void begin_rendering(double now);
@@ -261,7 +305,7 @@ class ManagerCore {
   enum class Turn { enough, given, nothing_left };
   Turn give_one(HostId id, Host& h, double now);
   std::optional<RendererRange> next_range(std::uint64_t paths);
-  static bool renders(const Host& h);
+  static bool renders(const Host& h);  // as of the last look at its team
   double speed(const Host& h, double per_thread) const;
   std::uint64_t task_paths(const Host& h, double share) const;
   void give_again(double now);
@@ -302,25 +346,14 @@ class ManagerCore {
   std::map<HostId, Host> hosts_;
   std::map<HostId, HostReport> reports_;
   std::uint32_t next_host_ = 1;
-  std::uint32_t epoch_ = 0, generation_ = 0;
-  bool mapped_all_ = false;  // every part had a holder in the last map
-  std::vector<std::uint32_t> gone_since_map_;
+  std::list<Team> teams_;  // at least one
+  std::uint32_t epoch_ = 0, generation_ = 0;  // the highest of any team
   std::uint32_t lists_ = 0;
   double told_heartbeat_ = 0;
-  // Holders of each part among started hosts: that have not been released, and of these that do not leave. So that hosts
-  // and parts need not be gone through at every message.
-  struct Holders {
-    std::vector<std::uint32_t> of;  // by part
-    std::size_t unheld = 0;         // parts
-    std::uint32_t tracers = 0;
-  };
-  Holders there_, staying_;
   std::size_t finals_ = 0;       // hosts that have said their last
   double next_turn_ = 0;         // when tasks are handed out to all hosts again
   double next_again_ = 0;        // when second copies are
   double per_thread_ = 1, total_speed_ = 0;
-  bool placement_due_ = false;
-  std::set<PartId> paged_;   // parts that have none, for want of memory: hosts load them for a while
   std::optional<std::uint64_t> fingerprint_;
   bool bit_exact_ = true;
 
@@ -340,18 +373,16 @@ class ManagerCore {
   std::vector<std::uint64_t> round_left_;  // paths of every round that have not arrived
   std::uint64_t next_number_ = 1;          // of task ids
   std::map<HostId, double> unreachable_since_;
-  std::map<HostId, std::vector<std::uint64_t>> visits_;  // by part, of every host that there has been
+  std::vector<double> visits_;  // by part: rays, of all hosts
   std::optional<double> no_room_since_;
-  std::uint32_t pause_ = 0;  // epoch from which on no camera rays are made, until no path is under way
   std::string no_room_;
 
   Progress progress_;
   std::optional<double> last_tick_;
   double last_now_ = 0;
   double next_look_ = std::numeric_limits<double>::infinity();  // at how many hosts have loaded everything
-  double next_growth_ = 0;  // of the map, by hosts that still load
   ProgressRecord record_;  // of the paths in the film
-  double next_list_ = 0, next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();
+  double next_tick_ = 0, end_deadline_ = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace cloudrenderer

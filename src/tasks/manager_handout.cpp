@@ -50,7 +50,8 @@ void ManagerCore::begin_rendering(double now) {
     lengthen_rounds();
   advance_cursor();
   for (auto& [id, h] : hosts_) h.rate_since = now;
-  new_map(false);
+  for (Team& t : teams_)
+    if (everything_held(t, true) && enough_complete(t)) new_map(t, false);
   hand_out(now);
   check_end(now);
 }
@@ -197,7 +198,7 @@ std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
 }
 
 bool ManagerCore::renders(const Host& h) {
-  return h.mapped && !h.leaving && can(h.hello, wire::RENDERER);
+  return h.mapped && !h.leaving && h.team->able && can(h.hello, wire::RENDERER);
 }
 
 // In paths per second, where it is known; until then as fast as its threads are elsewhere.
@@ -218,16 +219,19 @@ std::uint64_t ManagerCore::task_paths(const Host& h, double share) const {
 }
 
 void ManagerCore::hand_out(double now, HostId only) {
-  if (phase_ != Phase::rendering || stopped_ || !everything_held(true)) return;
+  if (phase_ != Phase::rendering || stopped_) return;
   if (hosts_.size() > kFew && now < next_turn_) {
     const auto it = hosts_.find(only);
-    if (it == hosts_.end() || !renders(it->second)) return;
+    if (it == hosts_.end()) return;
+    it->second.team->able = everything_held(*it->second.team, true);
+    if (!renders(it->second)) return;
     Turn turn = Turn::given;
     while (turn == Turn::given) turn = give_one(only, it->second, now);
     if (turn == Turn::nothing_left) give_again(now);
     return;
   }
   next_turn_ = now + kTurnPause * static_cast<double>(hosts_.size());
+  for (Team& t : teams_) t.able = everything_held(t, true);
   double known = 0, threads = 0;
   for (const auto& [id, h] : hosts_) {
     if (!renders(h) || h.paths_per_s <= 0) continue;
@@ -253,7 +257,7 @@ void ManagerCore::hand_out(double now, HostId only) {
 ManagerCore::Turn ManagerCore::give_one(HostId id, Host& h, double now) {
   const double share = speed(h, per_thread_) / std::max(total_speed_, speed(h, per_thread_));
   std::uint64_t credits = h.hello.path_credits() ? h.hello.path_credits() : kDefaultCredits;
-  if (!paged_.empty()) credits = std::max(credits, h.hello.paging_credits());
+  if (!h.team->paged.empty()) credits = std::max(credits, h.hello.paging_credits());
   credits = std::min(credits, kMostCredits);
   const std::uint64_t enough = std::max(
       task_paths(h, share), static_cast<std::uint64_t>(share * static_cast<double>(unassigned_paths_) / 2));
@@ -341,7 +345,7 @@ std::uint32_t ManagerCore::give(HostId id, Host& h, RendererRange range, double 
   outstanding_[range.task] = {range, id};
   ++h.outstanding_tasks;
   h.outstanding_paths += range.paths();
-  send(id, wire::SubmitTask{{options_.incarnation, next_number_++}, epoch_, generation_, range});
+  send(id, wire::SubmitTask{{options_.incarnation, next_number_++}, h.team->epoch, h.team->generation, range});
   return range.task;
 }
 
@@ -409,16 +413,8 @@ void ManagerCore::merge(const Outstanding& o, wire::RendererReply& r) {
   const SampleRange samples{range.sample_begin, range.sample_end};
   cover((range.y0 - f.y0) / tile_ * std::size_t{tiles_x_} + (range.x0 - f.x0) / tile_, samples);
   if (options_.keep_merged)
-    merged_.push_back({range.x0,
-                       range.y0,
-                       range.x1,
-                       range.y1,
-                       {samples},
-                       r.invalid,
-                       r.clamped,
-                       bit_exact_,
-                       std::move(r.sums),
-                       std::move(r.features)});
+    merged_.push_back({range.x0, range.y0, range.x1, range.y1, {samples}, r.invalid, r.clamped, bit_exact_,
+                       std::move(r.sums), std::move(r.features)});
 }
 
 bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }

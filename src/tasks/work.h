@@ -186,7 +186,8 @@ struct WorkResult {
   std::vector<std::pair<HostId, EndBatch>> ends;  // by owner
   std::vector<std::pair<HostId, wire::Reply>> replies;
   RayCounts counts;
-  std::vector<std::uint64_t> visits;  // TraceWork, by part: rays with their nearest hit there, or that go on to it
+  // TraceWork: a part, and how many rays in a row have their nearest hit there, or go on to it.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> visits;
   // CollectWork
   Ledgers ledgers;
   std::vector<wire::RendererReply> completed;

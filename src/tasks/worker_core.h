@@ -300,8 +300,8 @@ class WorkerCore {
   std::size_t drops_ = 0;      // unloads before which no path work is taken
   double segments_per_s_ = 0;  // measured, one thread
   double next_status_ = 0;
-  std::vector<std::uint64_t> visits_;  // by part
-  std::uint64_t visits_said_ = 0;      // the sum of those that the manager knows
+  std::vector<std::uint64_t> visits_;  // by part: those that the manager does not know of
+  std::uint64_t visits_said_ = 0;      // the sum of the others
   double busy_s_ = 0;
   std::uint64_t dropped_ = 0;  // messages that fit nothing here
   wire::Counters counters_;

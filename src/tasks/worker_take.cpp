@@ -211,8 +211,8 @@ void WorkerCore::finish(Work& work, WorkResult& r, double now) {
     if (n != 0)
       segments_per_s_ = segments_per_s_ == 0 ? speed : 0.9 * segments_per_s_ + 0.1 * speed;
   }
-  if (visits_.size() < r.visits.size()) visits_.resize(r.visits.size());
-  for (std::size_t p = 0; p < r.visits.size(); ++p) visits_[p] += r.visits[p];
+  if (!r.visits.empty()) visits_.resize(std::max(visits_.size(), work.routing->part_count()));
+  for (const auto& [part, rays] : r.visits) visits_[part] += rays;
   counters_.set_camera(counters_.camera() + r.counts.camera);
   counters_.set_bounce(counters_.bounce() + r.counts.bounce);
   counters_.set_shadow(counters_.shadow() + r.counts.shadow);
@@ -375,10 +375,14 @@ void WorkerCore::set_driver_counters(const DriverCounters& c) {
 
 // Whenever a tenth more has come, so that the list of a scene of many parts is no burden.
 void WorkerCore::say_visits(wire::Status& s) {
-  const std::uint64_t all = std::accumulate(visits_.begin(), visits_.end(), std::uint64_t{0});
-  if (all <= visits_said_ + visits_said_ / 10) return;
-  visits_said_ = all;
-  s.mutable_visits()->Assign(visits_.begin(), visits_.end());
+  const std::uint64_t more = std::accumulate(visits_.begin(), visits_.end(), std::uint64_t{0});
+  if (more <= visits_said_ / 10) return;
+  visits_said_ += more;
+  for (std::uint32_t p = 0; p < visits_.size(); ++p) {
+    if (visits_[p] == 0) continue;
+    s.add_visited(p);
+    s.add_rays(std::exchange(visits_[p], 0));
+  }
 }
 
 wire::Status WorkerCore::status() const {

@@ -84,7 +84,6 @@ JobView job_view(const std::string& scene, const RenderView& view) {
     h.lost = report.lost;
     h.paths_done = report.paths_done;
     h.status = report.last;
-    h.status.clear_visits();  // one number a part, of no use to people
     for (const PartId part : view.core.held_by(id)) h.parts.push_back(part.value);
     job.hosts.push_back(std::move(h));
   }

@@ -131,7 +131,8 @@ const char* check(const BlobChunk& m) {
 }
 
 const char* check(const Status& m) {
-  if (static_cast<std::uint32_t>(m.visits_size()) > kMaxParts) return "no such part";
+  if (m.visited_size() != m.rays_size()) return "as many counts of rays as parts are expected";
+  if (static_cast<std::uint32_t>(m.visited_size()) > kMaxParts || !all_below(m.visited(), kMaxParts)) return "no such part";
   return is_load(m.load_s()) && is_amount(m.segments_per_s()) ? nullptr : "the load is no amount";
 }
 

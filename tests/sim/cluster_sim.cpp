@@ -374,6 +374,8 @@ class Simulation {
       out_.dropped += report.last.counters().dropped_messages();
     }
     out_.generations = p.generation;
+    out_.teams = p.teams;
+    out_.teams_ended = p.teams_ended;
     if (p.generation <= 1 && out_.wasted != 0) return fail("paths were made in vain though nothing was lost");
   }
   // Of every pixel exactly the samples that the manager says it has, each once.

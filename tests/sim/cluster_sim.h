@@ -58,6 +58,7 @@ struct Outcome {
   std::uint64_t nearest_asked = 0;  // segments, of hosts that only intersect
   std::uint32_t generations = 0;
   std::uint64_t restored = 0;  // paths, from the journal
+  std::uint32_t teams = 0, teams_ended = 0;
 };
 Outcome run(const Scenario& s);
 

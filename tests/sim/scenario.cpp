@@ -72,6 +72,13 @@ Scenario random_scenario(std::uint64_t seed) {
   if (d.chance(0.2)) s.memory = 10 + (kPartBytes + 20) * d.between(1, 1 + s.scene.parts / s.hosts / 2);
   if (d.chance(0.25)) s.intersectors = d.between(1, 3);
   s.scene.features = d.chance(0.3);
+  s.manager.newcomers_wait_s = 0.2;
+  if (d.chance(0.3)) {  // several teams, each with room for the scene twice
+    s.hosts += d.between(2, 9);
+    s.manager.team_hosts = d.between(1, 5);
+    s.memory = std::max(s.memory, 10 + std::uint64_t{s.replication} * 2 * s.scene.parts * (kPartBytes + 20) / s.manager.team_hosts +
+                                      4 * (kPartBytes + 20));
+  }
   return s;
 }
 

@@ -45,6 +45,8 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
     total.cancelled += o.cancelled;
     total.unloaded += o.unloaded;
     total.cut += o.cut;
+    total.teams += o.teams > 1 ? 1 : 0;
+    total.teams_ended += o.teams_ended;
     total.most_segments = std::max(total.most_segments, o.most_segments);
     total.most_frames = std::max(total.most_frames, o.most_frames);
   }
@@ -58,11 +60,14 @@ TEST_P(Shard, GivesThePictureOfOneHost) {
   EXPECT_GT(total.cancelled, seeds / 2);
   EXPECT_GT(total.unloaded, seeds / 20);
   EXPECT_GT(total.cut, seeds / 20);
+  EXPECT_GT(total.teams, seeds / 20);
+  EXPECT_GT(total.teams_ended, seeds / 200);
   std::cout << seeds << " seeds, " << total.seconds << " virtual seconds, " << total.frames
             << " frames, " << total.moved << " moves, " << total.asked << " asks, " << total.nearest_asked << " segments asked about, " << total.wasted
             << " wasted paths, hosts lost in " << total.generations << " runs, " << total.restored
             << " paths restored, " << total.cancelled << " second copies cancelled, "
             << total.unloaded << " parts unloaded, " << total.cut << " links cut, "
+            << total.teams << " runs with several teams, " << total.teams_ended << " teams ended, "
             << total.paged_in << " parts paged in; at most "
             << total.most_segments << " segments in a host, " << total.most_frames
             << " frames for one\n";
