@@ -201,6 +201,7 @@ TEST(Scheduler, APriorityCanBeChangedWhileTheJobRunsOrWaits) {
   EXPECT_TRUE(farm.scheduler.take_changed().contains(first)) << "it is to be kept";
   const auto fourth = farm.submit("bob");
   EXPECT_EQ(farm.scheduler.set_priority(fourth, 1, "bob"), std::nullopt);
+  farm.step();  // splits it
   farm.end({second, 0});
   farm.step();
   EXPECT_TRUE(farm.running.contains({fourth, 0}));
@@ -219,7 +220,9 @@ TEST(Scheduler, OfAUsersJobsTheOneWithTheNearestDeadlineIsNext) {
     r.deadline = Deadline{seconds, true, ""};
     return farm.submit(r);
   };
-  const auto running = farm.submit("cy"), none = farm.submit("ann"), late = with_deadline("ann", 500), near = with_deadline("ann", 50),
+  const auto running = farm.submit("cy");
+  farm.step();
+  const auto none = farm.submit("ann"), late = with_deadline("ann", 500), near = with_deadline("ann", 50),
              other = with_deadline("bob", 1), urgent = farm.submit("ann", 1, 1);
   farm.step();
   std::vector<std::uint64_t> order;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <tuple>
 
@@ -241,22 +242,27 @@ std::optional<FrameRef> Scheduler::next_frame(const Job& job, FrameState state, 
 }
 
 // Jobs that want something, the first to be served first: by priority, then by what their users have running and have
-// used for their shares, then by the age of their oldest. A deadline comes before none among the jobs of one user only: or
-// everybody would have one.
+// used for their shares, then by age. Of the places that the jobs of one user and priority have so, the nearest deadline
+// takes the first: it gives nobody a turn over other users, or everybody would have one.
 std::vector<std::uint64_t> Scheduler::queue(double now) const {
-  using Key = std::tuple<int, double, double, std::uint64_t, double>;
-  std::vector<std::pair<Key, std::uint64_t>> keyed;
-  std::map<std::string, std::uint64_t> oldest;
+  using Key = std::tuple<int, double, double, std::uint64_t>;
+  std::vector<std::pair<Key, const Job*>> keyed;
+  std::map<std::pair<std::string, int>, std::deque<const Job*>> equals;
   for (const auto& [id, job] : jobs_) {
     if (is_final(job.state) || job.state == JobState::paused) continue;
     const std::string& user = job.request.user;
-    const std::uint64_t first = oldest.try_emplace(user, id).first->second;
-    keyed.push_back({{-job.request.priority, slots_taken(&user) / limits(user).share, turn(user, now), first,
-                      job.deadline.value_or(std::numeric_limits<double>::infinity())}, id});
+    keyed.push_back({{-job.request.priority, slots_taken(&user) / limits(user).share, turn(user, now), id}, &job});
+    equals[{user, job.request.priority}].push_back(&job);
   }
   std::ranges::sort(keyed);
+  const auto deadline = [](const Job* job) { return job->deadline.value_or(std::numeric_limits<double>::infinity()); };
+  for (auto& [of, jobs] : equals) std::ranges::stable_sort(jobs, {}, deadline);
   std::vector<std::uint64_t> out;
-  for (const auto& [key, id] : keyed) out.push_back(id);
+  for (const auto& [key, place] : keyed) {
+    auto& jobs = equals.at({place->request.user, place->request.priority});
+    out.push_back(jobs.front()->id);
+    jobs.pop_front();
+  }
   return out;
 }
 
