@@ -42,16 +42,13 @@ endfunction()
 # A test program: every file in SOURCES. One ctest for all of its cases, or SHARDS of them that may run side by side: to start
 # a program takes longer than most cases. EACH: one ctest a case, for cases that take seconds.
 function(cloudrenderer_test name)
-  cmake_parse_arguments(A "EACH" "LABEL;TIMEOUT;SHARDS" "SOURCES;LINK" ${ARGN})
-  if(NOT A_TIMEOUT)
-    set(A_TIMEOUT 120)
-  endif()
+  cmake_parse_arguments(A "EACH" "LABEL;SHARDS" "SOURCES;LINK" ${ARGN})
   add_executable(${name} ${A_SOURCES})
   target_link_libraries(${name} PRIVATE cloudrenderer_options ${A_LINK} GTest::gtest GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE CLOUDRENDERER_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     CLOUDRENDERER_SHARED_DIR="${PROJECT_SOURCE_DIR}/../shared")
   if(A_EACH)
-    gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT})
+    gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${A_LABEL} TIMEOUT 120)
     return()
   endif()
   if(NOT A_SHARDS)
