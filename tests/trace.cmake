@@ -4,4 +4,5 @@ cloudrenderer_test(trace_tests LABEL unit SHARDS 2
           ${CMAKE_CURRENT_LIST_DIR}/trace_motion_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/trace_part_cache_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/trace_resident_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/trace_triangle_hit_test.cpp
   LINK cr_trace)

@@ -179,60 +179,94 @@ void brick_occluded(const RTCOccludedFunctionNArguments* args) {
 }  // namespace
 
 // Hits come in an order that depends on the BVH. What counts is the order (t, shape, primitive), so the first of
-// equal distance must not win by chance.
+// equal distance must not win by chance. Nor may the distances that Embree computed decide where they are as good as
+// equal: there they are computed again. Elsewhere that can wait until the best one is known.
 void intersect_filter(const RTCFilterFunctionNArguments* args) {
   auto* context = reinterpret_cast<QueryContext*>(args->context);
   const auto* owner = static_cast<const LoadedPart*>(args->geometryUserPtr);
   const unsigned n = args->N;
   for (std::uint32_t left = valid_lanes(args->valid, n); left; left &= left - 1) {
     const auto i = static_cast<unsigned>(std::countr_zero(left));
-    const std::uint32_t geometry = RTCHitN_geomID(args->hit, n, i), index = RTCHitN_primID(args->hit, n, i);
-    const float t = RTCRayN_tfar(args->ray, n, i);
     // Lanes of a packet keep their number in the ray's id.
-    QueryContext::Lane& best = context->lanes[RTCRayN_id(args->ray, n, i)];
-    if (owner->has_alpha()) {
-      const LaneRay r = lane_ray(args->ray, n, i);
-      if (!owner->opaque(geometry, index, RTCHitN_u(args->hit, n, i), RTCHitN_v(args->hit, n, i), r.origin, r.direction, t,
-                         false, *context->scene)) {
-        args->valid[i] = 0;
-        continue;
-      }
-    }
+    const unsigned lane = RTCRayN_id(args->ray, n, i);
+    QueryContext::Lane& best = context->lanes[lane];
+    const float t = RTCRayN_tfar(args->ray, n, i);
     // The ray reaches a little behind the best hit (see reach()): what is really behind it is no hit.
-    if (t > best.t) {
+    if (t > best.t * (1.f + 2 * kEmbreeError)) {
       args->valid[i] = 0;
       continue;
     }
     const std::uint32_t inst = RTCHitN_instID(args->hit, n, i, 0);
     const std::uint32_t instance = inst == RTC_INVALID_GEOMETRY_ID ? kNone : inst - kFirstInstance;
-    if (t == best.t) {
-      std::uint32_t shape, primitive, best_shape = best.shape, best_primitive = best.primitive;
-      context->part->ids(geometry, index, instance, shape, primitive);
-      if (best.instance != kForeign)
-        context->part->ids(best.geometry, best.index, best.instance, best_shape, best_primitive);
-      if (shape > best_shape || (shape == best_shape && primitive >= best_primitive)) {
+    const std::uint32_t geometry = RTCHitN_geomID(args->hit, n, i), index = RTCHitN_primID(args->hit, n, i);
+    const bool nearer = t < best.t * (1.f - 2 * kEmbreeError);
+    if (nearer && geometry == kTriangles && instance == kNone && !owner->has_alpha()) {
+      best.t = t;
+      best.geometry = geometry;
+      best.index = index;
+      best.instance = instance;
+      context->unsettled |= 1u << lane;
+      RTCRayN_tfar(args->ray, n, i) = reach(t);
+      continue;
+    }
+    const LaneRay r = lane_ray(args->ray, n, i);  // in the space of an instance
+    QueryContext::Lane found{t, geometry, index, instance, 0, 0, RTCHitN_u(args->hit, n, i), RTCHitN_v(args->hit, n, i)};
+    if (geometry == kTriangles) settle(*owner, r.origin, r.direction, found);
+    if (owner->has_alpha() &&
+        !owner->opaque(geometry, index, found.u, found.v, r.origin, r.direction, found.t, false, *context->scene)) {
+      args->valid[i] = 0;
+      continue;
+    }
+    if (!nearer) {
+      if (context->unsettled >> lane & 1) settle(*context->part, context->origin(lane), context->direction(lane), best);
+      context->unsettled &= ~(1u << lane);
+      bool first = found.t < best.t;
+      if (found.t == best.t) {
+        std::uint32_t shape, primitive, best_shape = best.shape, best_primitive = best.primitive;
+        context->part->ids(found.geometry, found.index, found.instance, shape, primitive);
+        if (best.instance != kForeign)
+          context->part->ids(best.geometry, best.index, best.instance, best_shape, best_primitive);
+        first = shape < best_shape || (shape == best_shape && primitive < best_primitive);
+      }
+      if (!first) {
         args->valid[i] = 0;
         continue;
       }
     }
-    best.t = t;
-    best.geometry = geometry;
-    best.index = index;
-    best.instance = instance;
-    RTCRayN_tfar(args->ray, n, i) = reach(t);
+    best = found;
+    context->unsettled &= ~(1u << lane);
+    RTCRayN_tfar(args->ray, n, i) = reach(found.t);
   }
 }
 
 void occluded_filter(const RTCFilterFunctionNArguments* args) {
+  const auto* context = reinterpret_cast<const QueryContext*>(args->context);
   const auto* owner = static_cast<const LoadedPart*>(args->geometryUserPtr);
-  for (unsigned i = 0; i < args->N; ++i) {
-    if (!args->valid[i]) continue;
-    const LaneRay r = lane_ray(args->ray, args->N, i);
-    if (!owner->opaque(RTCHitN_geomID(args->hit, args->N, i), RTCHitN_primID(args->hit, args->N, i),
-                       RTCHitN_u(args->hit, args->N, i), RTCHitN_v(args->hit, args->N, i), r.origin, r.direction, r.t_far, true,
-                       scene_of(args->context)))
+  const unsigned n = args->N;
+  for (std::uint32_t left = valid_lanes(args->valid, n); left; left &= left - 1) {
+    const auto i = static_cast<unsigned>(std::countr_zero(left));
+    const float t_max = context->t_max(RTCRayN_id(args->ray, n, i));
+    QueryContext::Lane found{RTCRayN_tfar(args->ray, n, i), RTCHitN_geomID(args->hit, n, i), RTCHitN_primID(args->hit, n, i),
+                             kNone, 0, 0, 0, 0};
+    // Shapes of our own do not come here.
+    const bool surely = found.t < t_max * (1.f - 4 * kEmbreeError);
+    if (surely && !owner->has_alpha()) continue;
+    const LaneRay r = lane_ray(args->ray, n, i);
+    settle(*owner, r.origin, r.direction, found);
+    if ((!surely && !(found.t < occlusion_end(t_max))) ||
+        (owner->has_alpha() &&
+         !owner->opaque(found.geometry, found.index, found.u, found.v, r.origin, r.direction, found.t, true, scene_of(args->context))))
       args->valid[i] = 0;
   }
+}
+
+void settle(const LoadedPart& part, const Vec3& origin, const Vec3& direction, QueryContext::Lane& hit) {
+  const Triangle corners = part.part().triangles[hit.index];
+  const auto& positions = part.part().positions;
+  const auto exact = triangle_hit<float>({positions[corners.x], positions[corners.y], positions[corners.z]}, origin, direction);
+  hit.t = exact.t;
+  hit.u = exact.u;
+  hit.v = exact.v;
 }
 
 LoadedPart::LoadedPart(std::shared_ptr<Device> device, Part part, std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form)
@@ -289,7 +323,7 @@ void LoadedPart::add_triangles() {
   rtcSetGeometryUserData(g.get(), this);
   rtcSetGeometryBuildQuality(g.get(), quality_);
   rtcSetGeometryIntersectFilterFunction(g.get(), intersect_filter);
-  if (has_alpha_) rtcSetGeometryOccludedFilterFunction(g.get(), occluded_filter);
+  rtcSetGeometryOccludedFilterFunction(g.get(), occluded_filter);
   rtcCommitGeometry(g.get());
   rtcAttachGeometryByID(scene_.get(), g.get(), kTriangles);
   device_->check("triangles");

@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include "shapes/triangle_hit.h"
 #include "trace/embree.h"
 #include "trace/resident.h"
 
@@ -136,19 +137,37 @@ struct QueryContext {
   struct Lane {
     float t;
     std::uint32_t geometry, index, instance, shape, primitive;
+    float u, v;  // unset if unsettled or foreign
   };
   Lane* lanes = nullptr;
+  std::uint32_t unsettled = 0;  // a bit a lane: t of its hit is Embree's, u and v are not set yet, see settle()
+  const TraceRay* ray = nullptr;  // what the query asked: one of these two
+  const RayPacket* packet = nullptr;
+  // The ray of a lane, in the space of the part being traced.
+  Vec3 origin(unsigned lane) const { return ray ? ray->origin : lanes::get(packet->origin, lane); }
+  Vec3 direction(unsigned lane) const { return ray ? ray->direction : lanes::get(packet->direction, lane); }
+  float t_max(unsigned lane) const { return ray ? ray->t_max : lanes::get(packet->t_max, lane); }
   const float* times = nullptr;  // of each lane; null: 0
 };
-// Where a ray must end so that a hit at t is still offered. Embree compares numerators (T <= |den| * t_far), which
-// loses half of the hits that tie with the best one by rounding; and the box of a triangle that ties at a vertex may begin
-// behind the computed distance of that vertex, by more than the few ulps that its robust box test forgives.
+// Where a ray must end so that a hit at t is still offered: Embree's distance of it may be larger by rounding, and the box of
+// a triangle that ties at a vertex may begin behind the computed distance of that vertex, by more than the few ulps that
+// its robust box test forgives.
 template <class F>
 F reach(F t) {
   return t * (1.f + 0x1p-16f);
 }
 
 inline constexpr std::uint32_t kForeign = 0xfffffffeu;
+
+// Where shadow rays end: a triangle between here and t_max does not count, so that which ones do need not be asked of
+// Embree's distances, which differ between processors (triangle_hit.h). Lamps' rays end nearer than this before them.
+template <class F>
+F occlusion_end(F t_max) {
+  return t_max * (1.f - 2 * kEmbreeError);
+}
+
+// Gives a triangle's hit the distance and barycentrics that count. The ray is in the space of `part`.
+void settle(const LoadedPart& part, const Vec3& origin, const Vec3& direction, QueryContext::Lane& hit);
 
 inline const SceneFunctions& scene_of(const RTCIntersectContext* context) {
   return *reinterpret_cast<const QueryContext*>(context)->scene;

@@ -1,6 +1,7 @@
 #include "trace/resident.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 
@@ -11,27 +12,63 @@ namespace cloudrenderer {
 
 namespace {
 
-QueryContext::Lane lane_of(const Hit& hit) {
-  return {hit.t, kForeign, 0, kForeign, hit.shape, hit.primitive};
+// What a hit must come before, in a ray that ends at t_max.
+void begin(QueryContext::Lane& lane, const Hit& hit, float t_max) {
+  const bool ends = t_max < hit.t;
+  lane.t = ends ? t_max : hit.t;
+  lane.geometry = lane.instance = kForeign;
+  lane.shape = ends ? kNone : hit.shape;
+  lane.primitive = ends ? kNone : hit.primitive;
 }
 
-QueryContext make_context(const LoadedPart& part, const SceneFunctions* scene, QueryContext::Lane* lanes, bool coherent,
-                          const float* times, const BrickRay* bricks = nullptr) {
+QueryContext make_context(const LoadedPart& part, const SceneFunctions* scene, QueryContext::Lane* lanes) {
   QueryContext c;
   rtcInitIntersectContext(&c.embree);
-  if (coherent) c.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   c.part = &part;
   c.scene = scene;
-  c.bricks = bricks;
   c.lanes = lanes;
-  c.times = times;
+  return c;
+}
+QueryContext make_context(const LoadedPart& part, const SceneFunctions* scene, QueryContext::Lane* lane, const TraceRay& ray) {
+  QueryContext c = make_context(part, scene, lane);
+  c.ray = &ray;
+  c.times = &ray.time;
+  c.bricks = ray.bricks;
+  return c;
+}
+QueryContext make_context(const LoadedPart& part, const SceneFunctions* scene, QueryContext::Lane* lanes, const RayPacket& rays) {
+  QueryContext c = make_context(part, scene, lanes);
+  c.packet = &rays;
+  c.times = rays.times;
   return c;
 }
 
-void take_hit(const LoadedPart& part, std::uint32_t part_id, const QueryContext::Lane& lane, float u, float v, Hit& hit) {
+// Settles the hits of a packet that are not, at least one.
+void settle_packet(const Part& part, const RayPacket& rays, std::uint32_t which, QueryContext::Lane* hits) {
+  std::array<std::array<const float*, kLanes>, 3> places;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const std::size_t from = which >> i & 1 ? i : static_cast<std::size_t>(std::countr_zero(which));
+    const Triangle corners = part.triangles[hits[from].index];
+    for (std::size_t c = 0; c < 3; ++c) places[c][i] = &part.positions[corners[static_cast<int>(c)]].x;
+  }
+  std::array<Vec3x8, 3> corners;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto g = lanes::gather<3>(places[c]);
+    corners[c] = Vec3x8(g[0], g[1], g[2]);
+  }
+  const TriangleHitOf<Float8> exact = triangle_hit(corners, rays.origin, rays.direction);
+  for (; which; which &= which - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(which));
+    hits[i].t = lanes::get(exact.t, i);
+    hits[i].u = lanes::get(exact.u, i);
+    hits[i].v = lanes::get(exact.v, i);
+  }
+}
+
+void take_hit(const LoadedPart& part, std::uint32_t part_id, const QueryContext::Lane& lane, Hit& hit) {
   hit.t = lane.t;
-  hit.u = u;
-  hit.v = v;
+  hit.u = lane.u;
+  hit.v = lane.v;
   hit.part = part_id;
   hit.instance = lane.instance;
   hit.geometry = part.is_brick(lane.geometry, lane.instance) ? kBrickHit : lane.geometry;
@@ -108,17 +145,19 @@ bool ResidentSet::enters_exactly(std::uint32_t part, std::uint32_t instance) con
 
 bool ResidentSet::intersect(std::uint32_t part_id, const TraceRay& ray, Hit& hit) const {
   const LoadedPart& part = *parts_[part_id];
-  const float t_far = std::min(ray.t_max, reach(hit.t));
+  const float t_far = reach(std::min(ray.t_max, hit.t));
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, t_far)) return false;
-  QueryContext::Lane lane = lane_of(hit);
-  QueryContext context = make_context(part, scene_.get(), &lane, false, &ray.time, ray.bricks);
+  QueryContext::Lane lane;
+  begin(lane, hit, ray.t_max);
+  QueryContext context = make_context(part, scene_.get(), &lane, ray);
   RTCRayHit rh;
   rh.ray = single_ray(ray, t_far);
   rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(part.scene(), &context.embree, &rh);
   if (rh.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
-  take_hit(part, part_id, lane, rh.hit.u, rh.hit.v, hit);
+  if (context.unsettled) settle(part, ray.origin, ray.direction, lane);
+  take_hit(part, part_id, lane, hit);
   return true;
 }
 
@@ -127,29 +166,35 @@ void ResidentSet::intersect8(std::uint32_t part_id, const RayPacket& rays, std::
   const LoadedPart& part = *parts_[part_id];
   // Eight numbers that are put together in memory would have to wait for the last of them to be written.
   const Float8 known = Float8::of(Floats8{hits[0].t, hits[1].t, hits[2].t, hits[3].t, hits[4].t, hits[5].t, hits[6].t, hits[7].t});
-  const Float8 t_far = lanes::min(rays.t_max, reach(known));
+  const Float8 t_far = reach(lanes::min(rays.t_max, known));
   active = that_may_hit(part, rays, active, t_far);
   if (!active) return;
   QueryContext::Lane lanes[8];
-  QueryContext context = make_context(part, scene_.get(), lanes, coherence == Coherence::alike, rays.times);
+  QueryContext context = make_context(part, scene_.get(), lanes, rays);
+  if (coherence == Coherence::alike) context.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   RTCRayHit8 rh;
   alignas(32) int valid[8];
   fill(rh.ray, valid, rays, active, t_far);
   for (int i = 0; i < 8; ++i) {
-    lanes[i] = lane_of(hits[i]);
+    begin(lanes[i], hits[i], lanes::get(rays.t_max, static_cast<std::size_t>(i)));
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
   rtcIntersect8(valid, part.scene(), &context.embree, &rh);
-  for (std::uint32_t left = active; left; left &= left - 1)
-    if (const int i = std::countr_zero(left); rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID)
-      take_hit(part, part_id, lanes[i], rh.hit.u[i], rh.hit.v[i], hits[i]);
+  Ints8 geometry;
+  std::memcpy(&geometry, rh.hit.geomID, sizeof geometry);
+  std::uint32_t found = active & ~lanes::to_bits(Mask8::of(geometry == -1));
+  if (context.unsettled) settle_packet(part.part(), rays, context.unsettled, lanes);
+  for (; found; found &= found - 1) {
+    const int i = std::countr_zero(found);
+    take_hit(part, part_id, lanes[i], hits[i]);
+  }
 }
 
 bool ResidentSet::occluded(std::uint32_t part_id, const TraceRay& ray) const {
   const LoadedPart& part = *parts_[part_id];
   if (part.few_quadrics() && part.surely_misses(ray.origin, ray.direction, ray.t_max)) return false;
-  QueryContext context = make_context(part, scene_.get(), nullptr, false, &ray.time, ray.bricks);
+  QueryContext context = make_context(part, scene_.get(), nullptr, ray);
   RTCRay r = single_ray(ray, ray.t_max);
   rtcOccluded1(part.scene(), &context.embree, &r);
   return r.tfar < 0;
@@ -160,7 +205,7 @@ std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const RayPacket& ray
   active = that_may_hit(part, rays, active, rays.t_max);
   if (!active) return 0;
   // Even to one light rays part early enough that Embree's way for coherent packets takes half as long again.
-  QueryContext context = make_context(part, scene_.get(), nullptr, false, rays.times);
+  QueryContext context = make_context(part, scene_.get(), nullptr, rays);
   RTCRay8 r;
   alignas(32) int valid[8];
   fill(r, valid, rays, active, rays.t_max);
