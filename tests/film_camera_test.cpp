@@ -55,14 +55,14 @@ TEST(CameraMatrices, ProjectWhatARayOfThePixelMeets) {
     for (const Vec2 at : {Vec2(0, 0), Vec2(100, 50), Vec2(20, 70)}) {
       const CameraRay ray = c->ray(at, {});
       const glm::vec4 p(ray.origin + 7.f * ray.direction, 1.f);
-      const glm::vec4 ndc = matrices.at("worldtoNDC") * p;
+      const glm::vec4 ndc = matrices.at("worldToNDC") * p;
       EXPECT_NEAR(ndc.x / ndc.w, at.x / 100, 1e-5f) << type;
       EXPECT_NEAR(ndc.y / ndc.w, 1 - at.y / 100, 1e-5f) << type;
-      const glm::vec4 in_camera = matrices.at("worldtocamera") * p;
+      const glm::vec4 in_camera = matrices.at("worldToCamera") * p;
       EXPECT_GT(in_camera.z, 6.f);
     }
   }
-  EXPECT_FALSE(camera_matrices(entity<CameraDesc>("environment", {})).contains("worldtoNDC")) << "it does not project";
+  EXPECT_FALSE(camera_matrices(entity<CameraDesc>("environment", {})).contains("worldToNDC")) << "it does not project";
 }
 
 TEST(PerspectiveCamera, TakesScreenWindowAndAspect) {

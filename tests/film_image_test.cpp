@@ -101,7 +101,7 @@ TEST(ImageFile, ExrCarriesOtherChannelsAndMatrices) {
   }
   const std::vector<ImageChannel> channels{{"depth.Z", depths}, {"id.shape", ids}};
   const Mat4 moved{1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 4, 5, 6, 1};
-  write_image(folder / "a.exr", image, full(image), {{}, {{"worldtocamera", moved}, {"worldtoNDC", 2.f * moved}}}, channels);
+  write_image(folder / "a.exr", image, full(image), {{}, {{"worldToCamera", moved}, {"worldToNDC", 2.f * moved}}}, channels);
   EXPECT_EQ(read_image(folder / "a.exr").pixels, image.pixels);
   const auto in = OIIO::ImageInput::open(folder / "a.exr");
   ASSERT_TRUE(in);

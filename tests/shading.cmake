@@ -15,4 +15,4 @@ cloudrenderer_test(shading_tests LABEL unit SHARDS 4
           ${CMAKE_CURRENT_LIST_DIR}/shading_noise_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_subsurface_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_texture_test.cpp
-  LINK cr_shading)
+  LINK cr_shading OpenImageIO::OpenImageIO)

@@ -7,6 +7,11 @@ add_test(NAME tools.generate_scene
 add_test(NAME tools.scale_hosts COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/tools_scale_hosts_test.py)
 set_tests_properties(tools.check_layers tools.check_layers_finds tools.generate_scene tools.scale_hosts
   PROPERTIES LABELS unit TIMEOUT 60)
+if(TARGET cloudrenderer)
+  add_test(NAME tools.linked_libraries
+    COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/layers/linked_libraries_test.py $<TARGET_FILE:cloudrenderer>)
+  set_tests_properties(tools.linked_libraries PROPERTIES LABELS unit TIMEOUT 60)
+endif()
 # Instructions, by valgrind's callgrind; skipped aloud without it.
 if(TARGET cloudrenderer)
   add_test(NAME tools.feature_cost

@@ -7,10 +7,11 @@ import pathlib
 import re
 import sys
 
-LAYERS = "base scene shapes parts trace shading film integrator wire tasks simulate net cluster web service cli".split()
+LAYERS = "base images scene shapes parts trace shading film integrator wire tasks simulate net cluster web service cli".split()
 RANK = {name: rank for rank, name in enumerate(LAYERS)}
 # Libraries that only some layers may name.
 FENCED = [
+    (re.compile(r"OpenImageIO/"), {"images"}),
     (re.compile(r"embree[34]/|rtcore"), {"trace"}),
     (re.compile(r"asio(\.hpp|/)|boost/asio"), {"net", "cluster", "web", "service"}),
     (re.compile(r"httplib|prometheus/"), {"web", "service"}),

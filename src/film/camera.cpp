@@ -218,7 +218,7 @@ std::map<std::string, Mat4> camera_matrices(const CameraDesc& desc) {
     const AnimatedTransform motion = motion_of(desc);
     to_camera = placed(Affine(), {&motion, 1}, shutter_of(desc).open).inverse();
   }
-  std::map<std::string, Mat4> out{{"worldtocamera", to_camera.matrix()}};
+  std::map<std::string, Mat4> out{{"worldToCamera", to_camera.matrix()}};
   if (desc.type == "environment" || desc.type == "realistic") return out;
   Mat4 to_screen(1.f);
   if (desc.type != "orthographic") {
@@ -232,7 +232,7 @@ std::map<std::string, Mat4> camera_matrices(const CameraDesc& desc) {
   }
   Mat4 to_ndc(0.5f);
   to_ndc[3] = {0.5f, 0.5f, 0.5f, 1.f};
-  out["worldtoNDC"] = to_ndc * to_screen * to_camera.matrix();
+  out["worldToNDC"] = to_ndc * to_screen * to_camera.matrix();
   return out;
 }
 

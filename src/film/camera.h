@@ -52,7 +52,7 @@ class Camera {
   Mat4 to_camera_{1.f};                      // of one that stands still
 };
 
-// For the header of the picture, when the shutter opens: "worldtocamera", and of cameras that project "worldtoNDC", which
+// For the header of the picture, when the shutter opens: "worldToCamera", and of cameras that project "worldToNDC", which
 // as in pbrt-v4 maps pbrt's screen from -1 .. 1 to 0 .. 1 (y up) and depths by its planes at 0.01 and 1000.
 // Only for scenes that build() takes.
 std::map<std::string, Mat4> camera_matrices(const CameraDesc& desc);

@@ -1,5 +1,3 @@
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -16,7 +14,9 @@
 #include <system_error>
 
 #include "base/portable_math.h"
+#include "film/encode_exr.h"
 #include "film/encode_image.h"
+#include "images/images.h"
 
 namespace cloudrenderer {
 namespace {
@@ -39,18 +39,6 @@ float from_srgb(float v) {
   return v <= 0.04045f ? v / 12.92f : portable::pow((v + 0.055f) / 1.055f, 2.4f);
 }
 
-// Encodes in memory, so that every failure of the disk is seen and named here.
-std::vector<unsigned char> encode(const std::string& path, const OIIO::ImageSpec& spec,
-                                  OIIO::TypeDesc type, const void* pixels) {
-  const auto output = OIIO::ImageOutput::create(path);
-  if (!output) fail("write", path, OIIO::geterror());
-  OIIO::Filesystem::IOVecOutput memory;
-  output->set_ioproxy(&memory);
-  if (!output->open(path, spec) || !output->write_image(type, pixels) || !output->close())
-    fail("write", path, output->geterror());
-  return memory.buffer();
-}
-
 // Portable float map: rows from the bottom up, the scale's sign names the byte order. OpenImageIO 2.4 does not write it.
 std::vector<unsigned char> pfm(const Image& image) {
   static_assert(std::endian::native == std::endian::little && sizeof(Rgb) == 3 * sizeof(float));
@@ -60,28 +48,6 @@ std::vector<unsigned char> pfm(const Image& image) {
     const auto row = std::as_bytes(std::span(image.pixels).subspan(y * image.width, image.width));
     const auto* const bytes = reinterpret_cast<const unsigned char*>(row.data());
     out.insert(out.end(), bytes, bytes + row.size());
-  }
-  return out;
-}
-
-// Pixels of R G B and all channels, as the bits that the file holds; names and types go into `spec`.
-std::vector<std::uint32_t> with_channels(const Image& image, std::span<const ImageChannel> channels, OIIO::ImageSpec& spec) {
-  spec.nchannels += static_cast<int>(channels.size());
-  spec.channelformats.assign(3, OIIO::TypeDesc::FLOAT);
-  for (const ImageChannel& c : channels) {
-    spec.channelnames.push_back(c.name);
-    spec.channelformats.emplace_back(c.values.index() == 0 ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT);
-  }
-  const std::size_t stride = 3 + channels.size();
-  std::vector<std::uint32_t> out(image.pixels.size() * stride);
-  for (std::size_t p = 0; p < image.pixels.size(); ++p)
-    for (std::size_t i = 0; i < 3; ++i) out[p * stride + i] = std::bit_cast<std::uint32_t>(image.pixels[p][static_cast<int>(i)]);
-  for (std::size_t c = 0; c < channels.size(); ++c) {
-    std::visit(
-        [&](const auto& values) {
-          for (std::size_t p = 0; p < values.size(); ++p) out[p * stride + 3 + c] = std::bit_cast<std::uint32_t>(values[p]);
-        },
-        channels[c].values);
   }
   return out;
 }
@@ -115,30 +81,23 @@ std::vector<unsigned char> encode_image(const std::string& path, const Image& im
       image.pixels.size() != frame.pixels() || image.pixels.empty())
     fail("write", path, "the picture does not have the film's size");
   const std::string extension = std::filesystem::path(path).extension().string();
-  const auto width = static_cast<int>(image.width), height = static_cast<int>(image.height);
-
+  // In memory, so that every failure of the disk is seen and named by write_file().
   if (extension == ".exr") {
-    OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::FLOAT);
-    spec.x = static_cast<int>(frame.x0);
-    spec.y = static_cast<int>(frame.y0);
-    spec.full_width = static_cast<int>(frame.width);
-    spec.full_height = static_cast<int>(frame.height);
-    spec.attribute("compression", "zip");
-    for (const auto& [key, value] : header.words) spec.attribute(key, value);
-    for (const auto& [key, value] : header.matrices) spec.attribute(key, OIIO::TypeDesc::TypeMatrix, &value[0][0]);
-    if (channels.empty()) return encode(path, spec, OIIO::TypeDesc::FLOAT, image.pixels.data());
-    const std::vector<std::uint32_t> pixels = with_channels(image, channels, spec);
-    return encode(path, spec, OIIO::TypeDesc::UNKNOWN, pixels.data());
+    try {
+      return encode_exr(image, frame, header, channels);
+    } catch (const std::exception& e) {
+      fail("write", path, e.what());
+    }
   }
   if (extension == ".png" || extension == ".tga") {
-    std::vector<unsigned char> bytes;
+    std::vector<unsigned char> bytes, file;
     bytes.reserve(image.pixels.size() * 3);
     for (const Rgb& c : image.pixels)
       for (int i = 0; i < 3; ++i)
         bytes.push_back(static_cast<unsigned char>(to_srgb(c[i]) * 255.f + 0.5f));
-    OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
-    spec.attribute("oiio:ColorSpace", "sRGB");
-    return encode(path, spec, OIIO::TypeDesc::UINT8, bytes.data());
+    if (std::string why; !encode_bytes(path, static_cast<int>(image.width), static_cast<int>(image.height), bytes.data(), file, why))
+      fail("write", path, why);
+    return file;
   }
   if (extension == ".pfm") return pfm(image);
   fail("write", path, "the file name must end in " + image_extensions());
@@ -167,26 +126,21 @@ Image read_image(const std::string& path) {
   // OpenImageIO's own message for a missing file is about formats.
   if (std::error_code error; !std::filesystem::exists(path, error))
     fail("read", path, error ? error.message() : reason(ENOENT));
-  const auto input = OIIO::ImageInput::open(path);
-  if (!input) fail("read", path, OIIO::geterror());
-  const OIIO::ImageSpec& spec = input->spec();
-  const int channels = spec.nchannels;
-  if (spec.width < 1 || spec.height < 1 || spec.depth != 1 || channels < 1)
+  std::string why;
+  const auto input = open_image(path, false, why);
+  if (!input) fail("read", path, why);
+  const ImageInfo& info = input->info();
+  const int channels = info.channels;
+  if (info.width < 1 || info.height < 1 || info.depth != 1 || channels < 1)
     fail("read", path, "it holds no picture");
 
   std::array<int, 3> source{};
-  for (int i = 0; i < 3; ++i) {
-    const auto named = spec.channelindex(std::string(1, "RGB"[i]));
-    source[static_cast<std::size_t>(i)] = named >= 0 ? named : channels >= 3 ? i : 0;  // else grey
-  }
-  const auto width = static_cast<std::size_t>(spec.width),
-             height = static_cast<std::size_t>(spec.height);
+  for (std::size_t i = 0; i < 3; ++i)
+    source[i] = info.rgb[i] >= 0 ? info.rgb[i] : channels >= 3 ? static_cast<int>(i) : 0;  // else grey
+  const auto width = static_cast<std::size_t>(info.width), height = static_cast<std::size_t>(info.height);
   std::vector<float> values(width * height * static_cast<std::size_t>(channels));
-  if (!input->read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, values.data()))
-    fail("read", path, input->geterror());
-  const bool srgb = spec.format.is_floating_point()
-                        ? false
-                        : spec.get_string_attribute("oiio:ColorSpace", "sRGB") != "Linear";
+  if (!input->read(channels, values.data(), why)) fail("read", path, why);
+  const bool srgb = !info.is_float && info.color_space != "Linear";
 
   Image out{static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height),
             std::vector<Rgb>(width * height)};

@@ -1,13 +1,11 @@
 #include "shading/light_map.h"
 
-#include <OpenImageIO/imageio.h>
-
 #include <array>
 #include <cmath>
 
 #include "base/portable_math.h"
+#include "images/images.h"
 #include "shading/equal_area.h"
-#include "shading/open_image.h"
 
 namespace cloudrenderer {
 
@@ -19,23 +17,23 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
     return LightMap{};
   };
   std::string why;
-  const auto input = open_image_file(path, nullptr, why);
+  const auto input = open_image(path, false, why);
   if (!input) return give_up(why);
-  const OIIO::ImageSpec& spec = input->spec();
-  const auto channels = static_cast<std::size_t>(spec.nchannels);
-  if (spec.width < 1 || spec.height < 1 || channels < 1) return give_up("it is empty");
-  map.width = spec.width;
-  map.height = spec.height;
+  const ImageInfo& info = input->info();
+  const auto channels = static_cast<std::size_t>(info.channels);
+  if (info.width < 1 || info.height < 1 || channels < 1) return give_up("it is empty");
+  map.width = info.width;
+  map.height = info.height;
   if (!read) return map;
-  const auto count = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
+  const auto count = static_cast<std::size_t>(info.width) * static_cast<std::size_t>(info.height);
   std::array<std::size_t, 3> source{};
   for (std::size_t i = 0; i < 3; ++i) {
-    const int named = spec.channelindex(std::string(1, "RGB"[i]));
+    const int named = info.rgb[i];
     source[i] = named >= 0 ? static_cast<std::size_t>(named) : channels >= 3 ? i : 0;  // else grey
   }
   std::vector<float> values(count * channels);
-  if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, values.data()))
-    return give_up(input->geterror());
+  if (!input->read(info.channels, values.data(), why))
+    return give_up(why);
   map.texels.resize(count);
   std::size_t bad = 0, negative = 0;
   for (std::size_t p = 0; p < count; ++p) {

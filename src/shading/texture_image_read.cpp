@@ -1,11 +1,10 @@
 // From a file to a pyramid.
 #include <Imath/half.h>
-#include <OpenImageIO/imageio.h>
 
 #include <cstring>
 #include <limits>
 
-#include "shading/open_image.h"
+#include "images/images.h"
 #include "shading/texture_image.h"
 
 namespace cloudrenderer {
@@ -21,37 +20,35 @@ struct Pixels {
   }
 };
 
-std::unique_ptr<OIIO::ImageInput> open_image(const std::string& path, const FileLocation& where) {
-  OIIO::ImageSpec config;
-  config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: pbrt ignores alpha
+std::unique_ptr<ImageReader> open_texture(const std::string& path, const FileLocation& where) {
   std::string why;
-  std::unique_ptr<OIIO::ImageInput> file = open_image_file(path, &config, why);
+  std::unique_ptr<ImageReader> file = open_image(path, true, why);  // colours as stored: pbrt ignores alpha
   if (!file) throw SceneError(where, "cannot read texture image \"" + path + "\": " + why);
-  const OIIO::ImageSpec& spec = file->spec();
-  if (spec.width <= 0 || spec.height <= 0 || spec.depth > 1)
+  const ImageInfo& info = file->info();
+  if (info.width <= 0 || info.height <= 0 || info.depth > 1)
     throw SceneError(where, "texture image \"" + path + "\" is not a 2D image");
   return file;
 }
 
 Pixels read_pixels(const std::string& path, const FileLocation& where) {
-  const auto file = open_image(path, where);
-  const OIIO::ImageSpec& spec = file->spec();
+  const auto file = open_texture(path, where);
+  const ImageInfo& info = file->info();
   Pixels p;
-  p.width = spec.width;
-  p.height = spec.height;
-  p.channels = spec.nchannels >= 3 ? 3 : 1;
-  p.bytes = spec.format == OIIO::TypeDesc::UINT8;
+  p.width = info.width;
+  p.height = info.height;
+  p.channels = info.channels >= 3 ? 3 : 1;
+  p.bytes = info.bytes;
   const std::size_t count = p.row() * static_cast<std::size_t>(p.height);
+  std::string why;
   bool read = false;
   if (p.bytes) {
     p.byte.resize(count);
-    read = file->read_image(0, 0, 0, p.channels, OIIO::TypeDesc::UINT8, p.byte.data());
+    read = file->read(p.channels, p.byte.data(), why);
   } else {
     p.real.resize(count);
-    read = file->read_image(0, 0, 0, p.channels, OIIO::TypeDesc::FLOAT, p.real.data());
+    read = file->read(p.channels, p.real.data(), why);
   }
-  if (!read)
-    throw SceneError(where, "cannot read texture image \"" + path + "\": " + file->geterror());
+  if (!read) throw SceneError(where, "cannot read texture image \"" + path + "\": " + why);
   return p;
 }
 
@@ -160,7 +157,7 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
   auto& slot = images_[{path, encoding}];
   if (slot) return slot.get();
   if (!read_) {
-    open_image(path, where);
+    open_texture(path, where);
     slot = std::make_unique<ImagePyramid>();
     return slot.get();
   }
