@@ -153,6 +153,43 @@ TEST(TriangleHit, DecidesBetweenTrianglesThatEmbreeCannotTellApart) {
   EXPECT_GT(differ, 1000);  // else no ray was a hard one
 }
 
+// What Embree may use of a processor is no matter: edges, thin triangles, several boxes deep.
+TEST(TriangleHit, InstructionSetsFindTheSameBits) {
+  prepare_compute_thread();
+  Rng rng{std::mt19937(9)};
+  std::vector<Corners> all;
+  for (int i = 0; i < 3000; ++i) {
+    const Vec3 at = rng.vec(10.f), a = at + rng.vec(1.f), b = at + rng.vec(1.f);
+    // Two that share an edge, the second sometimes thin.
+    all.push_back({a, b, at + rng.vec(1.f)});
+    all.push_back({b, a, i % 3 ? at + rng.vec(1.f) : 0.5f * (a + b) + rng.vec(1e-5f)});
+  }
+  const Part part = part_of(all);
+  std::vector<std::shared_ptr<const ResidentSet>> sets;
+  std::vector<std::unique_ptr<Resident>> residents;
+  for (const char* isa : {"avx2", "avx512"}) {
+    residents.push_back(std::make_unique<Resident>(Resident::Options{1, isa, {}, {}}));
+    residents.back()->load_part(PartId{0}, part);
+    sets.push_back(residents.back()->snapshot());
+  }
+  int hits = 0;
+  for (int i = 0; i < 200000; ++i) {
+    const Corners& c = all[static_cast<std::size_t>(i) % all.size()];
+    TraceRay ray = ray_at(rng, i, c);
+    if (i % 2) ray.direction = c[0] + rng(0, 1) * (c[1] - c[0]) - ray.origin;  // at an edge
+    if (i % 5 == 0) ray.t_max = glm::length(c[1] - c[0]);
+    Hit one, other;
+    ASSERT_EQ(sets[0]->intersect(0, ray, one), sets[1]->intersect(0, ray, other));
+    ASSERT_EQ(one.t, other.t);
+    ASSERT_EQ(one.u, other.u);
+    ASSERT_EQ(one.v, other.v);
+    ASSERT_EQ(one.shape, other.shape);
+    ASSERT_EQ(sets[0]->occluded(0, ray), sets[1]->occluded(0, ray));
+    hits += one.part != kNone;
+  }
+  EXPECT_GT(hits, 100000);
+}
+
 // A ray that ends at a triangle, or a few units in the last place beside it.
 TEST(TriangleHit, DecidesWhereRaysEnd) {
   prepare_compute_thread();

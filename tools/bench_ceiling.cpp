@@ -95,7 +95,7 @@ struct Scratch {
 };
 
 struct Options {
-  std::string scene, isa = "avx2";
+  std::string scene, isa = kEmbreeIsa;
   std::uint64_t rays = 8'000'000;
   int runs = 3;
 };
@@ -207,7 +207,7 @@ int main(int argc, char** argv) {
   app.add_option("scene", o.scene, "a .pbrt file")->required();
   app.add_option("--rays", o.rays, "about how many rays to record (24 bytes each; default 8000000)");
   app.add_option("--runs", o.runs, "medians of so many (default 3)")->check(CLI::PositiveNumber);
-  app.add_option("--isa", o.isa, "Embree's max_isa (default avx2, as hosts have it)");
+  app.add_option("--isa", o.isa, "Embree's max_isa (default: the most that the processor has, as hosts have it)");
   CLI11_PARSE(app, argc, argv);
   try {
     cloudrenderer::run(o);

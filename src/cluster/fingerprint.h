@@ -3,7 +3,7 @@
 
 namespace cloudrenderer {
 
-// What Embree and our lanes use: for people, the fingerprint decides.
+// What our lanes use: for people, the fingerprint decides.
 #ifdef __aarch64__
 inline constexpr const char* kInstructionSet = "neon";
 #else

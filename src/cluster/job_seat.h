@@ -13,7 +13,7 @@ namespace cloudrenderer {
 
 struct SharedHost {
   SharedHost(unsigned threads, std::uint64_t memory)
-      : gate(threads), cache(std::make_shared<PartCache>(PartCache::Options{threads, "avx2", memory})) {}
+      : gate(threads), cache(std::make_shared<PartCache>(PartCache::Options{.threads = threads, .memory = memory})) {}
   ComputeGate gate;
   std::shared_ptr<PartCache> cache;
   Meter meter;

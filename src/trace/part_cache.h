@@ -36,7 +36,7 @@ class PartCache {
  public:
   struct Options {
     unsigned threads = 1;           // that join a build; there is one build at a time
-    std::string isa = "avx2";       // see Resident::Options
+    std::string isa = kEmbreeIsa;
     std::uint64_t memory = ~std::uint64_t{0};  // for all that is loaded
   };
   explicit PartCache(Options options);

@@ -68,7 +68,7 @@ class Resident {
  public:
   struct Options {
     unsigned threads = 1;       // that join a build
-    std::string isa = "avx2";   // Embree's max_isa: every host of a cluster uses the same
+    std::string isa = kEmbreeIsa;
     AlphaFunction alpha;        // null: alpha textures are ignored
     std::shared_ptr<PartCache> cache;  // shared with other scenes; null: threads and isa of one of its own
   };
