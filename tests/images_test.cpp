@@ -6,6 +6,8 @@
 #include <fstream>
 #include <thread>
 
+#include "base/error.h"
+
 namespace cloudrenderer {
 namespace {
 
@@ -53,6 +55,25 @@ TEST_F(Images, SayWhatIsWrongWithAFile) {
   const std::uint8_t rgb[3]{};
   EXPECT_FALSE(encode_bytes("a.nothing", 1, 1, rgb, file, why));
   EXPECT_NE(why, "");
+}
+
+// A picture of 36 million pixels in a file of some kilobytes.
+TEST_F(Images, WhatIsTooLargeToReadIsRefused) {
+  std::vector<unsigned char> file;
+  ASSERT_TRUE(encode_bytes("a.png", 6000, 6000, std::vector<std::uint8_t>(108'000'000).data(), file, why)) << why;
+  EXPECT_LT(file.size(), 1'000'000u);
+  const std::string path = write("a.png", file);
+  EXPECT_TRUE(open_image(path, true, why)) << why;
+  limit_images(0);  // half a gigabyte remains
+  try {
+    open_image(path, true, why);
+    ADD_FAILURE();
+  } catch (const ClusterError& e) {
+    EXPECT_STREQ(e.what(), ("to read the 6000 x 6000 pixels of " + path + " takes 617 MiB, and this host may use 512 MiB").c_str());
+  }
+  limit_images(std::uint64_t{2} << 30);
+  EXPECT_TRUE(open_image(path, true, why)) << why;
+  limit_images(~std::uint64_t{0});
 }
 
 // Hosts read the textures of a scene on several threads.

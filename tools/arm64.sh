@@ -25,7 +25,7 @@ fi
 
 # The packages are unpacked only, so that no program of arm64 runs for it. What their installation would do is two links.
 root=$PWD/build/arm64-root
-read -ra libraries <<<"libc6-dev $(tools/setup.sh --libraries)"
+read -ra libraries <<<"libc6-dev openimageio-tools $(tools/setup.sh --libraries)"  # the tools because CMake wants to see them
 if [[ $(cat "$root/.packages" 2>/dev/null) != "${libraries[*]}" ]]; then
   echo "arm64.sh: fetching arm64's libraries into $root"
   rm -rf "$root"

@@ -6,6 +6,7 @@
 
 #include "base/log.h"
 #include "cluster/job_start.h"
+#include "images/images.h"
 #include "parts/check.h"
 #include "parts/part_builder.h"
 #include "parts/split.h"
@@ -94,7 +95,9 @@ std::string error_of(F f) {
 }  // namespace
 
 SceneLoader::SceneLoader(unsigned build_threads, std::uint64_t memory, SceneSources sources)
-    : build_threads_(build_threads), memory_(memory), sources_(std::move(sources)) {}
+    : build_threads_(build_threads), memory_(memory), sources_(std::move(sources)) {
+  limit_images(cache() ? cache()->budget() : memory_);
+}
 SceneLoader::~SceneLoader() {
   if (PartCache* const shared = cache()) shared->release(this);
 }

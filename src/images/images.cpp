@@ -5,12 +5,15 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <span>
 #include <system_error>
 
+#include "base/error.h"
 #include "images/image_module.h"
 
 extern "C" {
@@ -24,6 +27,8 @@ struct Loaded {
   const ImageModule* module = nullptr;
   std::string why;  // there is none
 };
+
+std::atomic<std::uint64_t> largest{~std::uint64_t{0}};
 
 std::string reason() { return std::generic_category().message(errno); }
 
@@ -70,10 +75,21 @@ const Loaded& loaded() {
 
 }  // namespace
 
+void limit_images(std::uint64_t bytes) { largest = std::max(bytes, std::uint64_t{512} << 20); }
+
 std::unique_ptr<ImageReader> open_image(const std::string& path, bool as_stored, std::string& why) {
-  if (loaded().module) return loaded().module->open(path, as_stored, why);
-  why = loaded().why;
-  return nullptr;
+  if (!loaded().module) {
+    why = loaded().why;
+    return nullptr;
+  }
+  auto image = loaded().module->open(path, as_stored, why);
+  if (!image) return nullptr;
+  const ImageInfo& i = image->info();
+  const double bytes = 1.0 * i.width * i.height * i.depth * i.channels * (i.bytes ? 6 : 8);
+  const std::uint64_t most = largest;
+  if (bytes <= static_cast<double>(most)) return image;
+  throw ClusterError("to read the " + std::to_string(i.width) + " x " + std::to_string(i.height) + " pixels of " + path + " takes " +
+        std::to_string(static_cast<std::uint64_t>(bytes) >> 20) + " MiB, and this host may use " + std::to_string(most >> 20) + " MiB");
 }
 
 bool encode_bytes(const std::string& path, int width, int height, const std::uint8_t* rgb, std::vector<unsigned char>& file,

@@ -34,6 +34,10 @@ class ImageReader {
 // further files, and makes up pictures of any size from a name. Colours come multiplied by alpha, or `as_stored`.
 std::unique_ptr<ImageReader> open_image(const std::string& path, bool as_stored, std::string& why);
 
+// From now on open_image() throws ClusterError for what takes more than this to read and turn into texels (eight bytes a channel and
+// pixel, six of files with eight bits; but always half a gigabyte), so that no scene can exhaust a host with a small file.
+void limit_images(std::uint64_t bytes);
+
 // A file of sRGB bytes in memory, three a pixel; of the format that `path` ends with. False: `why` says why not.
 bool encode_bytes(const std::string& path, int width, int height, const std::uint8_t* rgb, std::vector<unsigned char>& file,
                   std::string& why);

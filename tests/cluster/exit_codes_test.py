@@ -2,7 +2,9 @@
 import shlex
 import shutil
 import socket
+import struct
 import subprocess
+import zlib
 
 import support
 import wire_support as wire
@@ -104,6 +106,18 @@ class ExitCodes(support.ClusterTest):
             self.expect(4, "render", altered, "-o", self.folder / "a.exr", *TINY, "--hosts", hosts,
                         words=r"part 3: .*00003\.part: part: wrong checksum")
         self.assertFalse((self.folder / "a.exr").exists())
+
+    def test_4_for_a_picture_that_no_host_can_read(self):
+        """Four hundred million pixels in a file of half a megabyte: told, and no host is exhausted."""
+        row = zlib.compress(bytes(1 + 20000 // 8) * 20000, 1)
+        chunks = ((b"IHDR", struct.pack(">IIBBBBB", 20000, 20000, 1, 0, 0, 0, 0)), (b"IDAT", row), (b"IEND", b""))
+        (self.folder / "huge.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks))
+        for hosts, user in ((1, 'Texture "t" "color" "imagemap" "string filename" "huge.png" Material "matte" "texture Kd" "t" Shape "sphere"'),
+                            (2, 'LightSource "infinite" "string mapname" "huge.png" Shape "sphere"')):
+            path = self.broken(f"WorldBegin\n{user}\nWorldEnd\n")
+            self.expect(4, "render", path, "-o", self.folder / "a.exr", *TINY, "--hosts", hosts, "--memory", "600MiB",
+                        words=r"20000 x 20000 pixels of .*huge\.png takes \d+ MiB, and this host may use 600 MiB")
 
     def expect_full(self, blocks, words, *arguments):
         """With a disk that is full after so many KiB: a limit on the size of files stands for it."""
