@@ -21,6 +21,24 @@ class Arm64(support.ClusterTest):
         self.assertEqual(result.code, 0, result.output)
         self.assertTrue(np.array_equal(support.measure.read_rgb(out), wanted), "arm64 and x86 differ")
 
+    def test_renders_of_real_scenes(self):
+        """Quadrics, motion, textures, media, mirrors, many lights: one sample a pixel each."""
+        scenes = ("v2/miscquads-direct", "v2/anim-bluespheres", "v2/microcity", "v2/spotfog-single", "v2/metal-path", "v2/bump-direct",
+                  "v3/coffee/coffee-small", "v3/classroom/classroom-small", "v3/veach/veach-small")
+        shared = support.measure.DEFAULT_SHARED / "scenes"
+        if not shared.is_dir():
+            self.skipTest(f"there is no folder {shared}")
+        for scene in scenes:
+            pictures = []
+            for name, program in (("x86", [support.PROGRAM]), ("arm64", [*EMULATOR, ARM64])):
+                out = self.folder / f"{name}.exr"
+                result = support.measure.run([*program, "render", shared / f"{scene}.pbrt", "-o", out, "--quiet", "--threads", 1, "--spp", 1],
+                                             timeout=500)
+                self.assertEqual(result.code, 0, result.output)
+                pictures.append(support.measure.read_rgb(out))
+            with self.subTest(scene=scene):
+                self.assertTrue(np.array_equal(*pictures), "arm64 and x86 differ")
+
     def test_a_cluster_of_both(self):
         wanted, one = self.wanted()
         # The emulated host is slow: it gets work because the other one cannot hold the whole scene.
