@@ -23,6 +23,19 @@ struct Images : testing::Test {
   std::string why;
 };
 
+// Hosts read the textures of a scene on several threads. (The first case: later ones find the module loaded.)
+TEST_F(Images, AnyThreadMayBeTheFirst) {
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i)
+    threads.emplace_back([] {
+      std::string reason;
+      std::vector<unsigned char> file;
+      const std::uint8_t rgb[3]{1, 2, 3};
+      EXPECT_TRUE(encode_bytes("a.png", 1, 1, rgb, file, reason)) << reason;
+    });
+  for (std::thread& t : threads) t.join();
+}
+
 TEST_F(Images, WhatIsEncodedIsReadAgain) {
   const std::vector<std::uint8_t> rgb{255, 0, 10, 20, 30, 40, 1, 2, 3, 4, 5, 6};
   for (const char* name : {"a.png", "a.tga"}) {
@@ -74,19 +87,6 @@ TEST_F(Images, WhatIsTooLargeToReadIsRefused) {
   limit_images(std::uint64_t{2} << 30);
   EXPECT_TRUE(open_image(path, true, why)) << why;
   limit_images(~std::uint64_t{0});
-}
-
-// Hosts read the textures of a scene on several threads.
-TEST_F(Images, AnyThreadMayBeTheFirst) {
-  std::vector<std::thread> threads;
-  for (int i = 0; i < 8; ++i)
-    threads.emplace_back([] {
-      std::string reason;
-      std::vector<unsigned char> file;
-      const std::uint8_t rgb[3]{1, 2, 3};
-      EXPECT_TRUE(encode_bytes("a.png", 1, 1, rgb, file, reason)) << reason;
-    });
-  for (std::thread& t : threads) t.join();
 }
 
 }  // namespace

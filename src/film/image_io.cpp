@@ -134,9 +134,6 @@ Image read_image(const std::string& path) {
   if (info.width < 1 || info.height < 1 || info.depth != 1 || channels < 1)
     fail("read", path, "it holds no picture");
 
-  std::array<int, 3> source{};
-  for (std::size_t i = 0; i < 3; ++i)
-    source[i] = info.rgb[i] >= 0 ? info.rgb[i] : channels >= 3 ? static_cast<int>(i) : 0;  // else grey
   const auto width = static_cast<std::size_t>(info.width), height = static_cast<std::size_t>(info.height);
   std::vector<float> values(width * height * static_cast<std::size_t>(channels));
   if (!input->read(channels, values.data(), why)) fail("read", path, why);
@@ -147,7 +144,7 @@ Image read_image(const std::string& path) {
   for (std::size_t p = 0; p < out.pixels.size(); ++p)
     for (int i = 0; i < 3; ++i) {
       const float v = values[p * static_cast<std::size_t>(channels) +
-                             static_cast<std::size_t>(source[static_cast<std::size_t>(i)])];
+                             static_cast<std::size_t>(info.rgb[static_cast<std::size_t>(i)])];
       out.pixels[p][i] = srgb ? from_srgb(v) : v;
     }
   return out;

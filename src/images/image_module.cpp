@@ -18,7 +18,10 @@ class OpenedImage : public ImageReader {
     info_.height = spec.height;
     info_.depth = spec.depth;
     info_.channels = spec.nchannels;
-    for (std::size_t i = 0; i < 3; ++i) info_.rgb[i] = spec.channelindex(std::string(1, "RGB"[i]));
+    for (std::size_t i = 0; i < 3; ++i) {
+      const int named = spec.channelindex(std::string(1, "RGB"[i]));
+      info_.rgb[i] = named >= 0 ? named : spec.nchannels >= 3 ? static_cast<int>(i) : 0;
+    }
     info_.bytes = spec.format == OIIO::TypeDesc::UINT8;
     info_.is_float = spec.format.is_floating_point();
     info_.color_space = spec.get_string_attribute("oiio:ColorSpace");

@@ -1,6 +1,6 @@
 #pragma once
-// Picture files of every kind that OpenImageIO reads and writes. Debian's OpenImageIO brings 240 libraries with it (OpenCV,
-// GDAL, databases), a quarter of a second to load. So it is in a module that the program carries along and loads when the
+// Picture files of every kind that OpenImageIO reads and writes. Debian's OpenImageIO brings 243 libraries with it (OpenCV,
+// GDAL, databases), a third of a second to load. So it is in a module that the program carries along and loads when the
 // first picture is opened: hosts without textures never do. All functions may be called by any thread.
 #include <array>
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace cloudrenderer {
 
 struct ImageInfo {
   int width = 0, height = 0, depth = 1, channels = 0;
-  std::array<int, 3> rgb{-1, -1, -1};  // the channels that are named R, G, B; -1: there is none
+  std::array<int, 3> rgb{};  // the channels that are named R, G, B; without names the first three, or the first (grey)
   bool bytes = false;                  // eight bits a channel
   bool is_float = false;               // values of any size; else 0 to 1
   std::string color_space;             // that the file names, or none

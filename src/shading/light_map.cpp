@@ -1,6 +1,5 @@
 #include "shading/light_map.h"
 
-#include <array>
 #include <cmath>
 
 #include "base/portable_math.h"
@@ -26,11 +25,6 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   map.height = info.height;
   if (!read) return map;
   const auto count = static_cast<std::size_t>(info.width) * static_cast<std::size_t>(info.height);
-  std::array<std::size_t, 3> source{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    const int named = info.rgb[i];
-    source[i] = named >= 0 ? static_cast<std::size_t>(named) : channels >= 3 ? i : 0;  // else grey
-  }
   std::vector<float> values(count * channels);
   if (!input->read(info.channels, values.data(), why))
     return give_up(why);
@@ -39,7 +33,7 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   for (std::size_t p = 0; p < count; ++p) {
     for (std::size_t i = 0; i < 3; ++i)
       map.texels[p][static_cast<int>(i)] =
-          values[p * channels + source[i]] * scale[static_cast<int>(i)];
+          values[p * channels + static_cast<std::size_t>(info.rgb[i])] * scale[static_cast<int>(i)];
     if (!is_finite(map.texels[p])) {
       map.texels[p] = Rgb(0.f);
       ++bad;

@@ -217,9 +217,11 @@ void intersect_filter(const RTCFilterFunctionNArguments* args) {
       args->valid[i] = 0;
       continue;
     }
+    // From here on the best one is settled, or this one in its place.
+    const bool unsettled = context->unsettled >> lane & 1;
+    context->unsettled &= ~(1u << lane);
     if (!nearer) {
-      if (context->unsettled >> lane & 1) settle(*context->part, context->origin(lane), context->direction(lane), best);
-      context->unsettled &= ~(1u << lane);
+      if (unsettled) settle(*context->part, context->origin(lane), context->direction(lane), best);
       bool first = found.t < best.t;
       if (found.t == best.t) {
         std::uint32_t shape, primitive, best_shape = best.shape, best_primitive = best.primitive;
@@ -234,7 +236,6 @@ void intersect_filter(const RTCFilterFunctionNArguments* args) {
       }
     }
     best = found;
-    context->unsettled &= ~(1u << lane);
     RTCRayN_tfar(args->ray, n, i) = reach(found.t);
   }
 }

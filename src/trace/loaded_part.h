@@ -161,8 +161,7 @@ inline constexpr std::uint32_t kForeign = 0xfffffffeu;
 
 // Where shadow rays end: a triangle between here and t_max does not count, so that which ones do need not be asked of
 // Embree's distances, which differ between processors (triangle_hit.h). Lamps' rays end nearer than this before them.
-template <class F>
-F occlusion_end(F t_max) {
+inline float occlusion_end(float t_max) {
   return t_max * (1.f - 2 * kEmbreeError);
 }
 

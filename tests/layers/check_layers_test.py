@@ -33,6 +33,10 @@ class CheckLayers(unittest.TestCase):
         self.expect({"src/film/a.cpp": "#include <embree3/rtcore.h>\n"}, 1, "trace only")
         self.expect({"src/trace/a.cpp": "#include <embree3/rtcore.h>\n"}, 0)
 
+    def test_finds_openimageio_outside_images(self):
+        self.expect({"src/film/a.cpp": "#include <OpenImageIO/imageio.h>\n"}, 1, "images only")
+        self.expect({"src/images/a.cpp": "#include <OpenImageIO/imageio.h>\n"}, 0)
+
     def test_finds_sockets_below_net(self):
         self.expect({"src/tasks/a.cpp": "#include <asio.hpp>\n"}, 1, "cluster, net, service, web only")
         self.expect({"src/net/a.cpp": "#include <asio/ssl.hpp>\n"}, 0)

@@ -3,7 +3,7 @@ import subprocess
 import sys
 import unittest
 
-MOST = 60  # 25 of Debian 12's, sanitizers' among them; with OpenImageIO 268
+MOST = 60  # 25 with Debian 12; 268 with OpenImageIO
 
 
 class LinkedLibraries(unittest.TestCase):
