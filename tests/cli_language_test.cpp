@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "cli_scene_support.h"
+#include "nanovdb_support.h"
 #include "scene/language.h"
 #include "scene/parser.h"
 
@@ -34,7 +35,8 @@ std::string value_of(const LanguageRow& row, const LanguageParam& p) {
       {"pixelbounds", "[0 4 0 4]"}, {"encoding", "\"linear\""},
       {"filter", "\"bilinear\""}, {"sensor", "\"cie1931\""},
       {"materials", "[\"m\" \"m\"]"}, {"lensfile", "\"lens.dat\""},
-      {"basis", "\"bezier\""}, {"density", "[0 0 0 0 0 0 0 1]"},
+      {"basis", "\"bezier\""}, {"density", "[0 0 0 0 0 0 0 1]"}, {"temperature", "[0 0 0 0 0 0 0 900]"},
+      {"gridname", "\"density\""}, {"temperaturename", "\"temperature\""}, {"normalmap", "\"map.png\""},
       {"uknots", "[0 0 1 1]"}, {"vknots", "[0 0 1 1]"},
       {"u0", "0"}, {"v0", "0"}, {"bsdffile", "\"none.bsdf\""},
       {"Pw", "[0 0 0 1 1 0 0 1 0 1 0 1 1 1 0 1]"}};
@@ -46,9 +48,16 @@ std::string value_of(const LanguageRow& row, const LanguageParam& p) {
     if (name == "P" || name == "N") return "[0 0 1 1 0 1 0 1 1 1 1 1]";
     if (name == "uv") return "[0 0 1 0 0 1 1 1]";
   }
+  if (row.type == "cloud" && name == "density") return "1";
+  if (row.type == "rgbgrid" && type == "rgb") {
+    std::string numbers = "[";
+    for (int i = 0; i < 24; ++i) numbers += " 0.5";
+    return numbers + " ]";
+  }
   if (name == "filename") {
     if (row.directive == "Film") return "\"picture.exr\"";
     if (row.type == "plymesh") return "\"mesh.ply\"";
+    if (row.type == "nanovdb") return "\"grid.nvdb\"";
     if (row.type == "measured") return "\"table.brdf\"";
     return "\"map.png\"";
   }
@@ -63,7 +72,7 @@ std::string value_of(const LanguageRow& row, const LanguageParam& p) {
 
 // Parameters that another one hides, which must be absent for them to count.
 const std::map<std::string, std::string, std::less<>> kHiddenBy{
-    {"st", "uv"}, {"Pw", "P"}, {"name", "reflectance"}, {"sigma_a", "reflectance"}, {"sigma_s", "reflectance"}, {"eta", "reflectance"}, {"k", "reflectance"}, {"cropwindow", "pixelbounds"}, {"index", "eta"}, {"uscale", "mapping"}, {"vscale", "mapping"}};
+    {"st", "uv"}, {"Le", "temperature"}, {"LeScale", "Lescale"}, {"temperaturecutoff", "temperatureoffset"}, {"Pw", "P"}, {"name", "reflectance"}, {"sigma_a", "reflectance"}, {"sigma_s", "reflectance"}, {"eta", "reflectance"}, {"k", "reflectance"}, {"cropwindow", "pixelbounds"}, {"index", "eta"}, {"uscale", "mapping"}, {"vscale", "mapping"}};
 
 std::string params_text(const LanguageRow& row, Dialect dialect, std::string_view without) {
   std::string out;
@@ -123,6 +132,7 @@ class LanguageTables : public testing::Test {
     // One black pixel.
     write_file(folder_.path("map.pgm"), std::string("P5\n1 1\n255\n") + '\0');
     std::filesystem::copy_file(folder_.path("map.pgm"), folder_.path("map.png"));
+    nanovdb_test::write_small(folder_.path("grid.nvdb"));
     write_file(folder_.path("lens.dat"), "0 1 0 20\n50 2 1.5 30\n-50 47 1 30\n");
     write_file(folder_.path("table.brdf"), "1 550  0.5 0 0.5 3.14 0.3  0.5 0 0.4 3 0.3  1 0 1 3 0.3");
   }

@@ -38,6 +38,12 @@ constexpr const char* kShapes =
 constexpr const char* kLamp = "LightSource \"point\" \"point from\" [2 -3 4] \"rgb I\" [30 20 10]\n";
 
 const Pair kPairs[] = {
+    {"power of a sphere", "AttributeBegin\nTranslate 0 -1 3\nAreaLightSource \"diffuse\" \"rgb L\" [2 4 6]\nShape \"sphere\" \"float radius\" .5\nAttributeEnd",
+     "AttributeBegin\nTranslate 0 -1 3\nAreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"float power\" 19.739209\nShape \"sphere\" \"float radius\" .5\nAttributeEnd"},
+    {"power of triangles", "AreaLightSource \"diffuse\" \"rgb L\" [2 4 6]\nShape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \"point P\" [1 -1 3 2 -1 3 2 0 3 1 0 3]\nAreaLightSource \"diffuse\" \"rgb L\" [0 0 0]",
+     "AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"float power\" 3.1415927\nShape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \"point3 P\" [1 -1 3 2 -1 3 2 0 3 1 0 3]\nAreaLightSource \"diffuse\" \"rgb L\" [0 0 0]"},
+    {"power of a goniometric light", "LightSource \"point\" \"rgb I\" [3 6 9]",
+     "LightSource \"goniometric\" \"rgb I\" [1 2 3] \"string filename\" \"white.ppm\" \"float power\" 37.699112"},
     {"diffuse", "Material \"matte\" \"rgb Kd\" [.8 .4 .2]",
      "Material \"diffuse\" \"rgb reflectance\" [.8 .4 .2]"},
     {"conductor without remapping",

@@ -1,5 +1,5 @@
 set(SCENE_TESTS "")
-foreach(unit number lexer params spectrum transforms parser materials errors codec text ply files confine)
+foreach(unit number lexer params spectrum transforms parser materials errors codec text ply files confine nanovdb)
   list(APPEND SCENE_TESTS ${CMAKE_CURRENT_SOURCE_DIR}/scene_${unit}_test.cpp)
 endforeach()
-cloudrenderer_test(scene_tests LABEL unit SOURCES ${SCENE_TESTS} LINK cr_scene)
+cloudrenderer_test(scene_tests LABEL unit SOURCES ${SCENE_TESTS} LINK cr_scene ZLIB::ZLIB)

@@ -131,10 +131,54 @@ TEST(AreaLights, ShineByTheirNormal) {
                 {color("scale", Rgb(2)), test::integer("samples", 4)});
   scene.quadric(sphere(Vec3(5), 1), {1, 2, 3}, false, {boolean("twosided", true)});
   const auto lights = scene.build();
-  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {}, {0, 0, -1}), Rgb(2, 4, 6));
-  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {}, {0, 0, 1}), Rgb(0));
-  EXPECT_EQ(lights->emitted(1, {0, 0, 1}, {}, {0, 0, 1}), Rgb(1, 2, 3));
+  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 0), Rgb(2, 4, 6));
+  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, 1}, 0), Rgb(0));
+  EXPECT_EQ(lights->emitted(1, {0, 0, 1}, {0, 0, 1}, 0), Rgb(1, 2, 3));
   EXPECT_TRUE(scene.warnings.list().empty());
+}
+
+// pbrt-v4: each primitive of a light with a power has it, whatever its size.
+TEST(AreaLights, ShareOutPower) {
+  const std::vector<Vec3> p{{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 1, 0}};
+  const std::vector<Triangle> two{{0, 1, 2}, {0, 2, 3}};  // areas 2 and 1
+  Scene scene;
+  scene.description.dialect = Dialect::v3;
+  scene.mesh(p, two, {1, 2, 3}, {reals("power", {6 * kPi})});
+  scene.mesh(p, two, {1, 2, 3}, {reals("power", {6 * kPi}), boolean("twosided", true)});
+  scene.mesh({{0, 0, 5}, {2, 0, 5}, {2, 2, 5}, {0, 2, 5}}, two, Rgb(1), {reals("power", {6 * kPi}), boolean("patches", true)});
+  scene.quadric(sphere(Vec3(9), 2), Rgb(1), false, {reals("power", {32 * kPi * kPi})});
+  const auto lights = scene.build();
+  const auto radiance = [&](std::uint32_t light, std::uint32_t primitive) {
+    return lights->emitted(light, {0, 0, 1}, {0, 0, -1}, primitive).x;
+  };
+  EXPECT_FLOAT_EQ(radiance(0, 0), 3);
+  EXPECT_FLOAT_EQ(radiance(0, 1), 6);
+  EXPECT_FLOAT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 1).z, 18);
+  EXPECT_FLOAT_EQ(radiance(1, 1), 3);
+  EXPECT_FLOAT_EQ(radiance(2, 0), 1.5f);
+  EXPECT_FLOAT_EQ(radiance(2, 1), 1.5f);
+  EXPECT_FLOAT_EQ(radiance(3, 0), 2);
+  // Samples agree with what rays find.
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> uniform(0.f, 1.f);
+  for (int i = 0; i < 200; ++i) {
+    LightSample s;
+    const Vec3 from(uniform(random), uniform(random), 8);
+    if (!lights->sample(from, {0, 0, -1}, uniform(random), {uniform(random), uniform(random)}, s)) continue;
+    EXPECT_TRUE(s.radiance.x == 3 || s.radiance.x == 6 || std::fabs(s.radiance.x - 1.5f) < 1e-5f || std::fabs(s.radiance.x - 2) < 1e-5f)
+        << s.radiance.x;
+  }
+}
+
+TEST(AreaLights, ThatNoRayFindsHaveAllOfTheWeight) {
+  Scene scene;
+  scene.description.dialect = Dialect::v3;
+  scene.mesh({{0, 0, 0}, {2, 0, 0}, {2, 2, 0}}, {{0, 1, 2}}, Rgb(1), {boolean("invisible", true)});
+  scene.chunks[0].alpha_texture = 0;
+  const auto lights = scene.build();
+  LightSample s;
+  ASSERT_TRUE(lights->sample({1, 1, 4}, {0, 0, -1}, .5f, Vec2(.3f), s));
+  EXPECT_TRUE(s.delta);
 }
 
 TEST(AreaLights, LeaveUnsampledShapesToRays) {
@@ -145,7 +189,7 @@ TEST(AreaLights, LeaveUnsampledShapesToRays) {
   LightSample s;
   EXPECT_FALSE(lights->empty());
   EXPECT_FALSE(lights->sample({0, 0, 9}, {0, 0, -1}, 0.5f, Vec2(0.5f), s));
-  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {}, {0, 0, -1}), Rgb(3));
+  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 0), Rgb(3));
   EXPECT_EQ(lights->emitted_pdf(0, {0, 0, 9}, {0, 0, -1}, {0, 0, -1}, 8, {0, 0, 1}, {0, 0, 1}, 0),
             0);
 }

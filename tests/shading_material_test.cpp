@@ -314,6 +314,32 @@ TEST(BumpMaps, ConstantHeightsAndDegenerateTangentsChangeNothing) {
   EXPECT_EQ(p.ns, Vec3(0, 0, 1));
 }
 
+TEST(NormalMaps, TurnTheFrameOfTheTangents) {
+  const auto normals = texture("normals", "bilerp", false,
+                               {rgb_param("v00", {.8f, .5f, .9f}), rgb_param("v01", {.8f, .5f, .9f}),
+                                rgb_param("v10", {.5f, .2f, .9f}), rgb_param("v11", {.5f, .2f, .9f})});
+  const Built b({material("matte", {texture_param("normalmap", "normals")})}, Dialect::v3, {normals});
+  EXPECT_TRUE(b.shading->needs().uv);
+  EXPECT_EQ(b.shading->kind(0), 0u);
+  SurfacePoint p = plane();
+  p.shading_dpdu = {0, 3, 0};  // x of the map; y is along the cross product of the normal with it
+  p.uv = {0, .5f};
+  const Bsdf bsdf = b.shading->bsdf(0, p, {0, 0, 1}, {});
+  EXPECT_LT(glm::length(p.ns - Vec3(0, .6f, .8f)), 1e-5f);
+  EXPECT_LT(glm::length(bsdf.frame().n - p.ns), 1e-6f);
+  EXPECT_LT(std::fabs(glm::dot(p.ns, p.shading_dpdu)), 1e-5f);
+  EXPECT_NEAR(glm::length(p.shading_dpdu), 3.f, 1e-5f);
+  p = plane();
+  p.shading_dpdu = {0, 3, 0};
+  p.uv = {1, .5f};
+  b.shading->bsdf(0, p, {0, 0, 1}, {});
+  EXPECT_LT(glm::length(p.ns - Vec3(.6f, 0, .8f)), 1e-5f);  // minus y is +x here
+  p = plane();
+  p.shading_dpdu = p.shading_dpdv = Vec3(0.f);
+  b.shading->bsdf(0, p, {0, 0, 1}, {});
+  EXPECT_EQ(p.ns, Vec3(0, 0, 1));
+}
+
 TEST(Materials, AnisotropyFollowsTheTangent) {
   const Built b({material("metal", {real_param("uroughness", 0.4f), real_param("vroughness", 0.05f),
                                     bool_param("remaproughness", false)})},

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <random>
 
+#include "scene/spectrum.h"
 #include "shading/media.h"
 #include "shading/phase.h"
 
@@ -207,6 +208,63 @@ TEST(Media, BadOnesAreErrors) {
   EXPECT_TRUE(fails(Dialect::v2, "exponential", {real("a", {-1})}));
   EXPECT_TRUE(fails(Dialect::v2, "exponential", {real("b", {kInfinity})}));
   EXPECT_TRUE(fails(Dialect::v2, "exponential", {real("updir", {0, 0, 0}, ParamType::vector3)}));
+}
+
+// A ray through a medium that emits: sigma_a Le (1 - exp(-sigma_t d)) / sigma_t at its collisions.
+TEST(Media, HomogeneousMediaOfPbrt4Shine) {
+  const auto check = [](const Rgb& a, const Rgb& s, const Rgb& light, float length) {
+    const auto media = build(Dialect::v3, {desc("homogeneous", {rgb("sigma_a", a.x, a.y, a.z), rgb("sigma_s", s.x, s.y, s.z),
+                                                               rgb("emission", light.x, light.y, light.z), real("Lescale", {2})})});
+    const MediumRay ray{{0, 0, 0}, {0, 0, 1}, length};
+    const Rgb found = mean_over_samples(1 << 18, [&](const MediumNumbers& n) { return media->sample(1, ray, n).emitted; });
+    Rgb expected;
+    for (int c = 0; c < 3; ++c) {
+      const float t = a[c] + s[c];
+      expected[c] = t > 0 ? 2 * light[c] * a[c] * (1 - std::exp(-t * length)) / t : 0;
+    }
+    expect_near(found, expected, 3e-3f);
+  };
+  check(Rgb(.5f), Rgb(.25f), {1, 2, 3}, 2.5f);
+  check({.5f, .1f, 0}, {.25f, .5f, .3f}, {1, 2, 3}, 2.5f);
+  check({.5f, 0, 2}, {0, 0, 0}, {1, 2, 3}, .5f);
+}
+
+Param names(const std::string& name, std::vector<std::string> values) {
+  Param p;
+  p.name = name;
+  p.type = ParamType::string;
+  p.strings = std::move(values);
+  return p;
+}
+
+// Emission at a collision is that of what absorbs; the temperature's colour is pbrt-v3's black body times the integral of Y.
+TEST(Media, GridsShineByTheirTemperature) {
+  const auto media = build(Dialect::v3, {desc("nanovdb", {rgb("sigma_a", 1, 1, 1), rgb("sigma_s", 3, 1, 0), real("Lescale", {.5f}),
+                                                          real("temperatureoffset", {10}), real("temperaturescale", {100}),
+                                                          names("channels", {"density", "temperature"})})});
+  const GridMedium& grid = media->grids()[0];
+  EXPECT_TRUE(grid.varies());
+  EXPECT_TRUE(media->chromatic_grids());
+  for (const float t : {20.f, 33.3f, 60.f, 110.f}) {
+    const std::array<float, 2> values{1, t};
+    const GridCollision at = media->collision(grid, values, {});
+    expect_near(at.albedo, {.75f, .5f, 0}, 1e-6f);
+    const Rgb black = glm::max(Rgb(0), blackbody_to_rgb(static_cast<double>(t - 10) * 100, Dialect::v3));
+    expect_near(at.emission, .5f * 106.856895f * black * Rgb(.25f, .5f, 1), 2e-3f);
+  }
+  for (const float cold : {0.f, 10.f, 11.f, -1e30f}) EXPECT_EQ(media->collision(grid, std::array<float, 2>{1, cold}, {}).emission, Rgb(0.f));
+}
+
+TEST(Media, RgbGridsHaveTheirOwnAlbedoEverywhere) {
+  const auto media = build(Dialect::v3, {desc("rgbgrid", {real("scale", {3}), real("Lescale", {2}),
+                                                          names("channels", {"sigma_t", "sigma_t", "sigma_t", "sigma_s", "sigma_s", "sigma_s",
+                                                                             "Le", "Le", "Le"})})});
+  const GridMedium& grid = media->grids()[0];
+  EXPECT_EQ(grid.blocking, Rgb(3));
+  EXPECT_TRUE(media->chromatic_grids());
+  const GridCollision at = media->collision(grid, std::array<float, 9>{2, 4, 0, 1, 3, 0, .1f, .2f, .3f}, {});
+  expect_near(at.albedo, {.5f, .75f, 0}, 1e-6f);
+  expect_near(at.emission, 2 * 106.856895f * Rgb(.05f, .05f, .3f), 1e-6f);
 }
 
 }  // namespace

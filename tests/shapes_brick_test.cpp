@@ -38,7 +38,8 @@ struct Grid {
   };
   std::vector<Piece> cut() const {
     std::vector<Piece> out;
-    cut_grid(size, p0, p1, clamped, to_world, density, [&](const DensityBrick& b, std::uint32_t n, std::span<const float> s) {
+    const DenseVoxels voxels(size, clamped ? DenseVoxels::Beyond::last : DenseVoxels::Beyond::nothing, {{BulkArray<float>(density)}});
+    cut_grid({size, p0, p1}, voxels, to_world, [&](const DensityBrick& b, std::uint32_t n, std::span<const float> s) {
       out.push_back({b, n, {s.begin(), s.end()}});
     });
     return out;

@@ -262,6 +262,35 @@ TEST(Resident, AlphaCutsHolesForCameraAndShadowRays) {
   }
 }
 
+// pbrt-v4: as many rays as alpha says meet the surface; the same ray always does the same.
+TEST(Resident, AlphaByChance) {
+  prepare_compute_thread();
+  auto a = terrain(4, 1, 0, false);
+  a->chunks[0].alpha_texture = 7;
+  Resident resident({});
+  resident.set_alpha([](std::uint32_t, const Vec2&, const Vec3& p) -> Alpha { return {p.x < 1.f ? 0.f : p.x < 2.f ? .3f : p.x < 3.f ? .8f : 1.f, true}; });
+  resident.load_part(PartId{1}, as_part(a));
+  const auto set = resident.snapshot();
+  constexpr int kRays = 4000;
+  std::array<int, 4> hits{}, blocked{}, again{};
+  for (int i = 0; i < kRays; ++i)
+    for (std::size_t column = 0; column < 4; ++column) {
+      const float x = static_cast<float>(column) + (static_cast<float>(i % 63) + .5f) / 64;
+      const TraceRay ray{{x, 10, 1.1f + static_cast<float>(i) * 1e-4f}, kInfinity, {0, -1, 0}};
+      Hit hit, second;
+      const bool found = set->intersect(1, ray, hit);
+      hits[column] += found;
+      again[column] += found == set->intersect(1, ray, second);
+      blocked[column] += found == set->occluded(1, ray);
+    }
+  const std::array<double, 4> expected{0, .3, .8, 1};
+  for (std::size_t column = 0; column < 4; ++column) {
+    EXPECT_NEAR(static_cast<double>(hits[column]) / kRays, expected[column], 4 * std::sqrt(.25 / kRays) * (column % 3 ? 1 : 0) + 1e-9);
+    EXPECT_EQ(again[column], kRays);
+    EXPECT_EQ(blocked[column], kRays);
+  }
+}
+
 TEST(Resident, CountsBytesAndForgetsUnloadedParts) {
   Resident resident({});
   EXPECT_FALSE(resident.snapshot()->has(1));

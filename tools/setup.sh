@@ -8,7 +8,7 @@ libraries=(
   uuid-dev libasio-dev libprotobuf-dev libssl-dev
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
   zlib1g-dev liblz4-dev libzstd-dev libxxhash-dev libboost-dev
-  libcpp-httplib-dev prometheus-cpp-dev libsqlite3-dev
+  libcpp-httplib-dev prometheus-cpp-dev libsqlite3-dev libnanovdb-dev
 )
 packages=(
   build-essential cmake ninja-build ccache pkg-config clang-format clang-tidy

@@ -80,8 +80,8 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   shutter_ = shutter_of(manifest.scene.camera);
   footprint_ = shading_->needs().footprint;
   footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.footprint_spp ? job.footprint_spp : job.spp));
-  resident.set_alpha([shading = shading_.get()](std::uint32_t texture, const Vec2& uv, const Vec3& p) {
-    return shading->alpha(texture, uv, p);
+  resident.set_alpha([shading = shading_.get()](std::uint32_t texture, const Vec2& uv, const Vec3& p) -> Alpha {
+    return {shading->alpha(texture, uv, p), shading->alpha_by_chance(texture)};
   });
   lights_ = Lights::build(manifest.scene, manifest.shape_lights, main_part, manifest.bounds, warnings);
   even_lobes_ = lights_->has_v2_disk();

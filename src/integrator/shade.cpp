@@ -277,7 +277,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     return;
   }
   if (light != kNone) {
-    const Rgb radiance = tracer.lights_->emitted(light, p.ng, p.uv, s.direction);
+    const Rgb radiance = tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive);
     if (!is_black(radiance)) {
       if (s.flags & kSpecularBounce) {
         if (s.vertex <= job.emission_vertex) add(s.throughput * radiance);

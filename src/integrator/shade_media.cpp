@@ -14,6 +14,22 @@ MediumNumbers numbers_of(const JobSettings& job, const PathSegment& s) {
   return {SampleSequence(job.sequence, job.seed, s.pixel, s.sample), 0x80000000u | (s.vertex * 0x9e3779b1u + s.passed * 0x85ebca6bu)};
 }
 
+// Samples at a point, channel by channel: none where the grid is the same everywhere but for its density.
+class GridValues {
+ public:
+  GridValues(const Part& part, const BrickRecord& record, const GridMedium& grid, const Vec3& p) {
+    if (!grid.varies()) return;
+    const std::size_t n = record.brick.channel_samples();
+    for (; count_ < record.brick.channels; ++count_)
+      values_[count_] = value_at(record.brick, part.densities.subspan(record.first_sample + n * count_, n), p);
+  }
+  operator std::span<const float>() const { return {values_.data(), count_}; }
+
+ private:
+  std::array<float, kMostBrickChannels> values_;
+  std::size_t count_ = 0;
+};
+
 }  // namespace
 
 bool PathTracer::Shader::cross_media(float t) {
@@ -32,6 +48,7 @@ bool PathTracer::Shader::cross_media(float t) {
     }
   }
   const MediumSample sample = media.sample(s.medium, ray, numbers);
+  if (!is_black(sample.emitted)) add(s.throughput * sample.emitted);
   s.throughput *= sample.weight;
   if (job.media == MediaTransport::single && !sample.collides) s.throughput *= media.unmarched(ray, job.media_step, numbers);
   if (sample.collides) scatter_in_medium(sample);
@@ -41,18 +58,21 @@ bool PathTracer::Shader::cross_media(float t) {
 void PathTracer::Shader::collide(const Hit& hit) {
   PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
-  const GridMedium& grid = tracer.media_->grids()[set.part(hit.part).bricks[hit.index].medium];
+  const Part& part = set.part(hit.part);
+  const BrickRecord& brick = part.bricks[hit.index];
+  const GridMedium& grid = tracer.media_->grids()[brick.medium];
+  const Vec3 p = s.origin + hit.t * s.direction;
+  const GridCollision at = tracer.media_->collision(grid, GridValues(part, brick, grid, p), p);
   const bool scatters = job.media == MediaTransport::multiple || (job.media == MediaTransport::single && asks_media());
-  if (job.media != MediaTransport::multiple && asks_media()) add(s.throughput * grid.emission);
+  if (!is_black(at.emission) && (job.media == MediaTransport::multiple || asks_media())) add(s.throughput * at.emission);
   if (grid.blocking[static_cast<int>(tracer.channel_of(s))] == 0.f) {  // only its light was of interest
     if (++s.passed > kMaxCrossings) return end();
     s.cone_width += s.flags & kSpecularBounce ? s.cone_spread * hit.t : -hit.t;
-    const Vec3 p = s.origin + hit.t * s.direction;
     next().origin = p;
     return;
   }
   if (!scatters) return end();
-  s.throughput *= grid.albedo;
+  s.throughput *= at.albedo;
   scatter_in_medium({true, hit.t, grid.g, Rgb(1.f)});
 }
 

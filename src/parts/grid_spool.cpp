@@ -18,7 +18,7 @@ void GridSpool::add(const GridDesc& grid, std::uint32_t shape) {
     bricks_.push_back(b);
     densities_.append(samples);
   };
-  cut_grid(grid.size, grid.p0, grid.p1, grid.clamped, grid.medium_to_world, grid.density.view(), take);
+  cut_grid(grid.layout, *grid.voxels, grid.medium_to_world, take);
 }
 
 }  // namespace cloudrenderer

@@ -142,10 +142,15 @@ const char* bad_content(const Part& p) {
       if (!(usable(b.low[a]) && usable(b.high[a]) && b.low[a] <= b.high[a])) return "a brick has no box";
     for (const std::uint32_t n : b.size)
       if (n < 2 || n > kBrickCells + 1) return "a brick has a wrong number of samples";
+    if (b.channels < 1 || b.channels > kMostBrickChannels || (b.densities != 1 && b.densities != 3) || b.densities > b.channels)
+      return "a brick has a wrong number of channels";
     if (!inside(r.first_sample, static_cast<std::uint32_t>(r.sample_count()), p.densities.size()))
       return "brick samples out of range";
-    for (const float d : p.densities.subspan(r.first_sample, r.sample_count()))
+    const std::span<const float> samples = p.densities.subspan(r.first_sample, r.sample_count());
+    for (const float d : samples.first(b.channel_samples() * b.densities))
       if (!(d >= 0.f && d <= b.majorant && b.majorant <= kLargest)) return "a density is out of range";
+    for (const float v : samples)
+      if (!usable(v)) return "a sample of a brick is not finite";
   }
   return bad_motion(p);
 }
@@ -255,8 +260,12 @@ std::optional<std::string> find_bad_reference(const Part& part, const Manifest& 
   }
   for (const InstanceRecord& i : part.instances)
     if (i.prototype >= manifest.prototypes.size()) return "part: no such prototype";
-  for (const BrickRecord& b : part.bricks)
+  for (const BrickRecord& b : part.bricks) {
     if (b.medium >= scene.media.size()) return "part: no such medium";
+    const MediumDesc& medium = scene.media[b.medium];
+    if (b.brick.channels != grid_channels(medium) || b.brick.densities != (medium.type == "rgbgrid" ? 3u : 1u))
+      return "part: a brick has not the channels of its medium";
+  }
   return std::nullopt;
 }
 

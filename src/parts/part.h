@@ -122,7 +122,7 @@ struct BrickRecord {
   std::uint32_t first_sample = 0;  // in Part::densities
   std::uint32_t medium = 0;        // index into SceneDescription::media
   std::uint32_t shape = 0, primitive = 0;  // global id of the grid, number of the brick in it
-  std::size_t sample_count() const { return std::size_t{brick.size[0]} * brick.size[1] * brick.size[2]; }
+  std::size_t sample_count() const { return brick.channel_samples() * brick.channels; }
 };
 
 // The geometry of one part or one prototype: arrays, nothing built. The spans point into `owner` (a mapped file or a

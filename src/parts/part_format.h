@@ -37,7 +37,7 @@ enum Section : std::uint32_t {
   kSectionCount
 };
 inline constexpr std::array<std::uint32_t, kSectionCount> kElementBytes = {12, 12, 8,  12, 4,  56,  204,
-                                                                           136, 12, 12, 28, 4, 160, 144, 208, 4};
+                                                                           136, 12, 12, 28, 4, 160, 144, 216, 4};
 
 struct Header {
   std::array<char, 8> magic = kMagic;
@@ -58,7 +58,7 @@ static_assert(sizeof(Header) == 64 && sizeof(SectionEntry) == 24);
 static_assert(sizeof(Vec3) == 12 && sizeof(Vec2) == 8 && sizeof(Triangle) == 12);
 static_assert(sizeof(MeshChunk) == 56 && sizeof(QuadricRecord) == 204);
 static_assert(sizeof(InstanceRecord) == 136 && sizeof(CurveRecord) == 28 && sizeof(CurveGroup) == 160);
-static_assert(sizeof(MotionRecord) == 144 && sizeof(BrickRecord) == 208);
+static_assert(sizeof(MotionRecord) == 144 && sizeof(BrickRecord) == 216);
 
 constexpr std::uint64_t align_up(std::uint64_t n) {
   return (n + kAlignment - 1) / kAlignment * kAlignment;

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -7,6 +8,7 @@
 
 #include "base/id.h"
 #include "scene/params.h"
+#include "scene/voxels.h"
 
 namespace cloudrenderer {
 
@@ -113,14 +115,14 @@ struct InstanceDesc {
 // The densities of a grid medium: they go where geometry goes, and the description's medium is left without them.
 struct GridDesc {
   MediumId medium;
-  glm::uvec3 size{1};  // samples along x, y, z; x runs fastest
-  Vec3 p0{0}, p1{1};   // box of the medium's space that they divide evenly
-  bool clamped = false;  // v2: beyond the first and last samples their values go on; v3: 0
-  BulkArray<float> density;
-  Transform medium_to_world;
+  GridLayout layout;
+  std::shared_ptr<const Voxels> voxels;
+  Transform medium_to_world;  // of the layout's space
   FileLocation location;
 };
 bool is_grid(const MediumDesc& medium, Dialect dialect);
+// How many numbers its samples have.
+std::uint32_t grid_channels(const MediumDesc& medium);
 // The grid of such a medium, taken out of its parameters. Throws SceneError.
 std::optional<GridDesc> take_grid(MediumDesc& medium, MediumId id, Dialect dialect);
 

@@ -63,9 +63,9 @@ std::string canonical_file(const std::string& path) {
 }
 
 bool is_file_parameter(std::string_view name) {
-  static constexpr std::array<std::string_view, 8> kNames{
+  static constexpr std::array<std::string_view, 9> kNames{
       "filename", "mapname",  "spdfile",    "bsdffile",
-      "lensfile", "specfile", "pointsfile", "emissionfilename"};
+      "lensfile", "specfile", "pointsfile", "emissionfilename", "normalmap"};
   return std::find(kNames.begin(), kNames.end(), name) != kNames.end();
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <map>
 #include <memory>
 #include <string>
@@ -40,7 +41,8 @@ struct MaterialSource {
 
 struct AreaLightSource {
   Entity entity;
-  AreaLightId id;  // in the description, once a shape has used it
+  // In the description, once a shape has used it: bilinear patches with a power count 1, shapes that are not seen 2.
+  std::array<AreaLightId, 4> ids{};
 };
 
 // What AttributeBegin saves and AttributeEnd brings back.

@@ -11,7 +11,7 @@ constexpr unsigned kV23 = kInV2 | kInV3;
 
 // clang-format off
 #define ROUGH "float roughness, float uroughness, float vroughness, bool remaproughness"
-#define DISPLACED "float displacement, !string normalmap"
+#define DISPLACED "float displacement, string normalmap"
 constexpr LanguageRow kRows[] = {
     // pbrt-v2 and v3
     {"Material", "disney", kInV3, kDone, "spectrum color, float metallic, float roughness, float eta, float spectrans, float anisotropic, float speculartint, float sheen, float sheentint, float clearcoat, float clearcoatgloss, spectrum scatterdistance, bool thin, float flatness, float difftrans, float bumpmap", ""},

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <filesystem>
+#include <utility>
 #include <span>
 
 #include "scene/named_spectra.h"
@@ -97,6 +98,7 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
   if (p.name.empty())
     throw SceneError(p.location, "the parameter \"" + std::string(row.word) + "\" has no name");
 
+  const SpectrumUse use = std::exchange(use_, p.name == "Le" ? SpectrumUse::light : use_);
   if (row.type == ParamType::integer) {
     p.integers = integers(lexer, p);
   } else if (row.type == ParamType::boolean) {
@@ -128,6 +130,7 @@ Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
         colors.push_back(space_.to_working({v[i], v[i + 1], v[i + 2]}));
     if (converts || row.spelling != Spelling::plain) p.reals = from_colors(colors);
   }
+  use_ = use;
   return p;
 }
 

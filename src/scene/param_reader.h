@@ -44,7 +44,7 @@ class ParamReader {
   Dialect dialect_;
   const FilePaths& paths_;
   Warnings& warnings_;
-  SpectrumUse use_ = SpectrumUse::reflectance;
+  SpectrumUse use_ = SpectrumUse::reflectance;  // but of "Le", which is light always
   ColorSpace space_;
   std::map<std::pair<SpectrumUse, std::string>, Rgb> spd_files_;  // already read
 };

@@ -84,7 +84,10 @@ void Parser::area_light_source(const Token& t) {
 void Parser::material(const Token& t) {
   Entity e = read_entity(t);
   if (!in_world(t)) return;
-  if (is_v4()) v4_.material(e);
+  if (is_v4()) {
+    v4_.material(e);
+    builder_.take_normal_map(state_, e);
+  }
   state_.material = builder_.make_material(state_, std::move(e), ctm_.start, false);
   state_.material_name.clear();
 }
@@ -100,7 +103,10 @@ void Parser::make_named_material(const Token& t) {
   for (const Param& p : e.params.all())
     if (p.name != "type") others.add(p);
   e.params = std::move(others);
-  if (is_v4()) v4_.material(e);
+  if (is_v4()) {
+    v4_.material(e);
+    builder_.take_normal_map(state_, e);
+  }
   state_.named_materials.set(name, builder_.make_material(state_, std::move(e), ctm_.start, true));
 }
 
@@ -145,6 +151,7 @@ void Parser::shape(const Token& t) {
   shape.motion = motion(shape.location, "shape");
   shape.reverse_orientation = state_.reverse_orientation;
   shape.object = open_object_;
+  if (is_v4()) builder_.mask_by_chance(state_, shape);
   builder_.finish_shape(state_, shape);
   sink_.shape(std::move(shape), builder_.scene());
 }
@@ -158,6 +165,7 @@ void Parser::make_named_medium(const Token& t) {
     if (p.name != "type") others.add(p);
   e.params = std::move(others);
   e.params = builder_.resolve_textures(state_, e, std::nullopt);
+  if (is_v4()) v4_.medium(e);
   if (auto grid = builder_.add_named_medium(name, std::move(e), ctm_.start)) sink_.grid(std::move(*grid));
 }
 

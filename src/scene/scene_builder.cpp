@@ -1,5 +1,7 @@
 #include "scene/scene_builder.h"
 
+#include <limits>
+
 #include <algorithm>
 #include <array>
 #include <span>
@@ -182,6 +184,50 @@ void SceneBuilder::add_texture(GraphicsState& state, const std::string& name, bo
   scene_.textures.push_back(std::move(texture));
 }
 
+void SceneBuilder::take_normal_map(GraphicsState& state, Entity& material) {
+  const std::string path = material.params.string("normalmap", "");
+  const auto given = material.params.take("normalmap");
+  if (path.empty()) return;
+  const std::string name = "normal map " + path;
+  if (!state.spectrum_textures.find(name)) {
+    Entity image;
+    image.type = "imagemap";
+    image.location = given->location;
+    image.params.add(make_string("filename", path, given->location));
+    image.params.add(make_string("encoding", "linear", given->location));
+    add_texture(state, name, false, std::move(image), DMat4(1.0));
+  }
+  Param texture = make_param(ParamType::texture, "normalmap", given->location);
+  texture.strings = {name};
+  material.params.add(std::move(texture));
+}
+
+void SceneBuilder::mask_by_chance(GraphicsState& state, Entity& shape) {
+  const Param* given = shape.params.find("alpha");
+  if (!given) return;
+  const bool texture = given->type == ParamType::texture && given->strings.size() == 1;
+  // What cannot be seen at all is left out by others, but shines where it is a light.
+  const float least = state.area_light ? 0.f : std::numeric_limits<float>::min();
+  if (!texture && !(given->reals.size() == 1 && given->reals[0] >= least && given->reals[0] < 1.f)) return;
+  const std::string name = "alpha of " + (texture ? "texture " + given->strings[0] : std::to_string(given->reals[0]));
+  Param mask = make_param(ParamType::texture, "alpha", given->location);
+  mask.strings = {name};
+  if (!state.float_textures.find(name)) {
+    if (texture && !state.float_textures.find(given->strings[0])) return;  // others say it
+    Entity scaled;
+    scaled.type = "scale";
+    scaled.location = given->location;
+    Param value = *given;
+    value.name = "tex";
+    scaled.params.add(std::move(value));
+    scaled.params.add(make_bool("chance", true, given->location));
+    add_texture(state, name, true, std::move(scaled), DMat4(1.0));
+  }
+  const bool invisible = !texture && given->reals[0] == 0.f;
+  if (invisible) shape.params.add(make_bool("invisible", true, mask.location));
+  shape.params.add(std::move(mask));
+}
+
 void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DMat4& ctm) {
   LightDesc light;
   entity.params = resolve_textures(state, entity, std::nullopt);
@@ -318,17 +364,24 @@ void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
   if (scene_.dialect == Dialect::v2) shape.params = resolve_textures(state, shape, std::nullopt);
 
   if (state.area_light) {
+    const bool invisible = shape.params.take("invisible").has_value();
     if (shape.object) {
       warn_once(shape.location, "area lights inside of objects do not shine: ignored");
     } else if (shape.motion) {
       warn_once(shape.location, "area lights on moving shapes do not shine, as in pbrt: ignored");
     } else {
       AreaLightSource& light = *state.area_light;
-      if (!light.id) {
-        light.id = AreaLightId(static_cast<std::uint32_t>(scene_.area_lights.size()));
+      // Each patch has the power that is given, not each of its two triangles.
+      const bool patches = shape.type == "bilinearmesh" && light.entity.params.has("power");
+      AreaLightId& id = light.ids[(patches ? 1u : 0u) + (invisible ? 2u : 0u)];
+      if (!id) {
+        id = AreaLightId(static_cast<std::uint32_t>(scene_.area_lights.size()));
         scene_.area_lights.push_back(light.entity);
+        ParamSet& params = scene_.area_lights.back().params;
+        if (patches) params.add(make_bool("patches", true, light.entity.location));
+        if (invisible) params.add(make_bool("invisible", true, light.entity.location));
       }
-      shape.area_light = light.id;
+      shape.area_light = id;
     }
   }
 }

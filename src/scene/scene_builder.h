@@ -20,6 +20,10 @@ class SceneBuilder {
 
   void add_texture(GraphicsState& state, const std::string& name, bool is_float, Entity entity,
                    const DMat4& ctm);
+  // pbrt-v4: an alpha between 0 and 1 lets a part of the rays pass. Numbers become textures.
+  void mask_by_chance(GraphicsState& state, Entity& shape);
+  // pbrt-v4: the picture that a material names becomes a texture, and a parameter that names this.
+  void take_normal_map(GraphicsState& state, Entity& material);
   void add_light(const GraphicsState& state, Entity entity, const DMat4& ctm);
   // Either gives back the grid of the medium, if it has one.
   std::optional<GridDesc> add_volume(Entity entity, const DMat4& ctm);

@@ -85,6 +85,9 @@ Rgb spectrum_to_rgb(SampledSpectrum spectrum, Dialect dialect) {
 
 Rgb reflectance_to_rgb(SampledSpectrum spectrum) {
   if (spectrum.wavelengths.empty()) return Rgb(0.f);
+  // Grey exactly: media with the same rate in all channels cost less.
+  const auto& v = spectrum.values;
+  if (std::all_of(v.begin(), v.end(), [&](double x) { return x == v.front(); })) return Rgb(static_cast<float>(v.front()));
   sort_by_wavelength(spectrum);
   static const float white = luminance(observe(d65, Dialect::v2));
   return observe([&](double w) { return value_at(spectrum, w) * d65(w); }, Dialect::v2) / white;

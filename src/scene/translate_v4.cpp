@@ -1,4 +1,4 @@
-// Options and lights of pbrt-v4.
+// Options, lights and media of pbrt-v4.
 #include "scene/translate_v4.h"
 
 #include <cmath>
@@ -111,13 +111,39 @@ void V4Translator::light(Entity& e, DMat4& ctm) const {
     }
   } else if (e.type == "goniometric") {
     map();
+    if (power > 0.f) p.add(make_real("power", power, e.location));  // its map tells how bright this is
   } else if (e.type == "projection") {
     p.rename("filename", "mapname");
+    if (power > 0.f) p.add(make_real("power", power, e.location));
     if (!p.has("fov")) p.add(make_real("fov", 90.f, e.location));
     ctm = ctm * cloudrenderer::scale(DVec3(1, -1, 1));
   }
   p.take("scale");
   if (scale != 1.f) p.add(make_rgb("scale", Rgb(scale), e.location));
+}
+
+void V4Translator::medium(Entity& e) const {
+  ParamSet& p = e.params;
+  if (e.type != "rgbgrid") {
+    const bool named = !p.string("preset", "").empty();
+    for (const char* name : {"sigma_a", "sigma_s"})
+      if (!named && !p.has(name)) p.add(make_rgb(name, Rgb(1.f), e.location));
+    if (p.has("Le") && p.has("temperature")) {
+      warn_(e.location, "the medium shines by its temperature: the parameter \"Le\" is ignored");
+      p.take("Le");
+    }
+    p.rename("Le", "emission");
+  }
+  if (e.type == "cloud") approximated(e, "its noise is sampled on a grid");
+  // Former names.
+  const auto once = [&](const char* former, const char* name) {
+    if (p.has(name))
+      p.take(former);
+    else
+      p.rename(former, name);
+  };
+  once("temperaturecutoff", "temperatureoffset");
+  once("LeScale", "Lescale");
 }
 
 void V4Translator::area_light(Entity& e) const {

@@ -24,6 +24,7 @@ class V4Translator {
   void texture(Entity& e, DMat4& ctm) const;
   void light(Entity& e, DMat4& ctm) const;
   void area_light(Entity& e) const;
+  void medium(Entity& e) const;
 
  private:
   void approximated(const Entity& e, const std::string& as) const;

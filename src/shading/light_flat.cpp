@@ -1,4 +1,6 @@
 // Emissive triangles, parallelograms and disks, sampled uniformly by area.
+#include <algorithm>
+
 #include "base/sampling.h"
 #include "shading/light_record.h"
 
@@ -31,6 +33,25 @@ std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, 
     b.radius = std::max(b.radius, glm::length(v - b.center));
   }
   return out;
+}
+
+bool parallelogram(const std::array<Vec3, 3>& a, const std::array<Vec3, 3>& b, Vec3& corner, Vec3& edge0, Vec3& edge1) {
+  const auto lone = [](const std::array<Vec3, 3>& x, const std::array<Vec3, 3>& y) {
+    int found = -1;
+    for (int i = 0; i < 3; ++i) {
+      if (std::find(y.begin(), y.end(), x[static_cast<std::size_t>(i)]) != y.end()) continue;
+      if (found >= 0) return -1;
+      found = i;
+    }
+    return found;
+  };
+  const int i = lone(a, b), j = lone(b, a);
+  if (i < 0 || j < 0) return false;
+  corner = a[static_cast<std::size_t>(i)];
+  edge0 = a[static_cast<std::size_t>((i + 1) % 3)] - corner;
+  edge1 = a[static_cast<std::size_t>((i + 2) % 3)] - corner;
+  const Vec3 gap = corner + edge0 + edge1 - b[static_cast<std::size_t>(j)];
+  return glm::length(gap) <= 1e-5f * std::min(glm::length(edge0), glm::length(edge1));
 }
 
 template <class F>

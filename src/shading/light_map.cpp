@@ -61,14 +61,43 @@ DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warn
     for (const Rgb& texel : map_.texels) largest_ = glm::max(largest_, texel);
   }
   equal_area_ = desc.params.string("mapping", "") == "equalarea" && map_.width == map_.height;
-  if (kind != Kind::projection) return;
-  const float fov = desc.params.real("fov", 45.f);
-  if (!(fov > 0.f && fov < 180.f))
-    throw SceneError{desc.location, "fov must be above 0 and below 180 degrees"};
-  tangent_ = portable::tan(0.5f * fov * (kPi / 180));
+  if (kind == Kind::projection) {
+    const float fov = desc.params.real("fov", 45.f);
+    if (!(fov > 0.f && fov < 180.f))
+      throw SceneError{desc.location, "fov must be above 0 and below 180 degrees"};
+    tangent_ = portable::tan(0.5f * fov * (kPi / 180));
+    const float aspect = map_.empty() ? 1.f : static_cast<float>(map_.width) / static_cast<float>(map_.height);
+    screen_ = aspect > 1.f ? Vec2(aspect, 1.f) : Vec2(1.f, 1.f / aspect);
+  }
+  const float power = desc.params.real("power", 0.f);
+  if (!(power < kInfinity)) throw SceneError{desc.location, "the light's power must be finite"};
+  if (power > 0.f) set_power(power);
+}
+
+void DirectionalMap::set_power(float power) {
   if (map_.empty()) return;
-  const float aspect = static_cast<float>(map_.width) / static_cast<float>(map_.height);
-  screen_ = aspect > 1.f ? Vec2(aspect, 1.f) : Vec2(1.f, 1.f / aspect);
+  double sum = 0, area = 4 * static_cast<double>(kPi), count = 0;
+  if (kind_ == Kind::projection)
+    area = 4.0 * static_cast<double>(screen_.x) * static_cast<double>(screen_.y) * static_cast<double>(tangent_) *
+           static_cast<double>(tangent_);
+  for (int y = 0; y < map_.height; ++y)
+    for (int x = 0; x < map_.width; ++x) {
+      double weight = 1;  // solid angle of the texel, but for its area
+      if (kind_ == Kind::projection) {
+        const Vec2 at((static_cast<float>(x) + 0.5f) / static_cast<float>(map_.width),
+                      (static_cast<float>(y) + 0.5f) / static_cast<float>(map_.height));
+        const Vec2 p = (2.f * at - Vec2(1.f)) * screen_ * tangent_;
+        const double cosine = 1 / std::sqrt(1 + static_cast<double>(glm::dot(p, p)));
+        weight = cosine * cosine * cosine;
+      }
+      sum += weight * static_cast<double>(luminance(map_.texels[static_cast<std::size_t>(y) * static_cast<std::size_t>(map_.width) +
+                                                               static_cast<std::size_t>(x)]));
+      count += 1;
+    }
+  if (!(sum > 0)) return;
+  const auto factor = static_cast<float>(static_cast<double>(power) * count / (area * sum));
+  for (Rgb& texel : map_.texels) texel *= factor;
+  largest_ *= factor;
 }
 
 Rgb DirectionalMap::factor(const Vec3& world_direction) const {

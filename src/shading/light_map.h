@@ -46,6 +46,8 @@ class DirectionalMap {
   DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warnings& warnings);
 
   Rgb factor(const Vec3& world_direction) const;
+  // pbrt-v4: makes the light's power, in all directions together, `power` times that of an intensity of 1 / steradian.
+  void set_power(float power);
   const Rgb& largest() const { return largest_; }  // of each channel
   // The smallest cosine to the light's z axis that has light, in the light's space.
   float cos_widest() const;

@@ -1,5 +1,6 @@
 #pragma once
 // What the lights of a scene become: plain records that one switch samples. Private to the lights.
+#include <array>
 #include <cstdint>
 #include <optional>
 
@@ -29,6 +30,7 @@ struct Emitter {
   EmitterKind kind = EmitterKind::point;
   bool two_sided = false;
   bool outward = true;      // sphere: the outside emits
+  bool invisible = false;   // no ray finds it: samples have all of the weight
   std::uint32_t index = 0;  // of its spot cone, map, infinite light or quadric
   Rgb radiance{0};          // or intensity
   Vec3 position{};          // or centre, or corner
@@ -90,6 +92,8 @@ MaskOf<F> sample_distant(const Emitter& e, LightSampleOf<F>& out);
 std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0,
                                           const Vec3& edge1, const Vec3& normal,
                                           const Rgb& radiance, bool two_sided);
+// Two triangles that share an edge and together are a parallelogram: most rectangular lights are given so.
+bool parallelogram(const std::array<Vec3, 3>& a, const std::array<Vec3, 3>& b, Vec3& corner, Vec3& edge0, Vec3& edge1);
 template <class F>
 MaskOf<F> sample_flat(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out);
 inline float flat_pdf(const Emitter& e, const Vec3& direction, float t) {

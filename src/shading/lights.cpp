@@ -18,6 +18,9 @@ namespace {
 struct Emission {
   Rgb radiance{0};
   bool two_sided = false;
+  float power = 0;      // pbrt-v4: of each primitive, which shines by radiance * power / (pi * its area * its sides)
+  bool patches = false;  // two triangles are one of them
+  bool invisible = false;  // pbrt-v4: its alpha is 0 everywhere
 };
 
 // What a light with a picture gives on average.
@@ -49,7 +52,7 @@ class SceneLights final : public Lights {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
                       quadrics_.size() * sizeof(EmissiveQuadric) +
                       by_primitive_.size() * sizeof(std::uint32_t) +
-                      emissions_.size() * sizeof(Emission);
+                      emissions_.size() * sizeof(Emission) + powers_.size() * sizeof(float);
     for (const InfiniteLight& light : infinite_) n += light.bytes();
     for (const DirectionalMap& map : maps_) n += map.bytes();
     return n;
@@ -102,10 +105,10 @@ class SceneLights final : public Lights {
   Rgb escaped(const Vec3& direction) const override { return all_infinite<float>(true, direction); }
   Vec3x8 escaped(Mask8 active, const Vec3x8& direction) const override { return all_infinite<Float8>(active, direction); }
 
-  Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec2&,
-              const Vec3& direction) const override {
+  Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec3& direction, std::uint32_t primitive) const override {
     const Emission& e = emissions_[light];
-    return e.two_sided || glm::dot(ng, direction) < 0.f ? e.radiance : Rgb(0.f);
+    if (!(e.two_sided || glm::dot(ng, direction) < 0.f)) return Rgb(0.f);
+    return e.power > 0.f ? e.radiance * power_factor(light, primitive) : e.radiance;
   }
 
   float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction,
@@ -192,6 +195,7 @@ class SceneLights final : public Lights {
     if (e.kind == EmitterKind::infinite && infinite_.size() > 1)
       out.radiance = all_infinite<F>(found, p, n, out.wi, out.pdf);
     out.weight_pdf = is_v2_disk(e) ? own_pdf : out.pdf;
+    if (e.invisible) out.delta = MaskOf<F>(true);
     return found && out.pdf > 0.f && out.pdf < kInfinity;
   }
 
@@ -324,7 +328,10 @@ class SceneLights final : public Lights {
         if (const std::string path = desc.params.string("filename", ""); !path.empty())
           e.radiance *= mean_of(read_light_map(path, Rgb(1.f), read_maps, desc.location,
                                                "the light is even", warnings));
-        if (!is_finite(e.radiance))
+        e.power = std::max(0.f, desc.params.real("power", 0.f));
+        e.patches = desc.params.boolean("patches", false);
+        e.invisible = desc.params.boolean("invisible", false);
+        if (!is_finite(e.radiance) || !(e.power < kInfinity))
           throw SceneError{desc.location, "the light's radiance must be finite"};
         if (scene.dialect == Dialect::v3) e.two_sided = desc.params.boolean("twosided", false);
         desc.params.report_unused("AreaLightSource \"" + desc.type + "\"", warnings);
@@ -352,22 +359,61 @@ class SceneLights final : public Lights {
       total += range.count;
     }
     by_primitive_.assign(total, kNone);
+    if (std::any_of(emissions_.begin(), emissions_.end(), [](const Emission& e) { return e.power > 0.f; })) {
+      powers_.assign(total, 0.f);
+      add_powers(part);
+    }
     // A texture that makes holes makes the light unfit for sampling by area; rays that hit it count
     // in full.
     for (const MeshChunk& chunk : part.chunks)
-      if (chunk.light < emissions_.size() && chunk.alpha_texture == kNone)
+      if (chunk.light < emissions_.size() && (chunk.alpha_texture == kNone || emissions_[chunk.light].invisible))
         add_mesh(chunk, part, dialect);
     for (const QuadricRecord& record : part.quadrics) {
-      if (record.light >= emissions_.size() || record.alpha_texture != kNone) continue;
+      if (record.light >= emissions_.size()) continue;
       const Emission& emission = emissions_[record.light];
+      if (record.alpha_texture != kNone && !emission.invisible) continue;
       EmissiveQuadric quadric;
-      auto made = make_quadric(record.quadric, record.flip != 0, emission.radiance,
-                               emission.two_sided, quadric);
+      const Rgb radiance = emission.power > 0.f ? emission.radiance * power_factor(record.light, 0) : emission.radiance;
+      auto made = make_quadric(record.quadric, record.flip != 0, radiance, emission.two_sided, quadric);
       if (!made || !(made->bounds.strength > 0.f)) continue;
       made->emitter.index = static_cast<std::uint32_t>(quadrics_.size());
+      made->emitter.invisible = emission.invisible;
       quadrics_.push_back(quadric);
       by_primitive_[ranges_[record.light].first] = add(*made);
     }
+  }
+
+  // By which factor each primitive of a light with a power shines. Primitives of 0 area do not.
+  void add_powers(const Part& part) {
+    const auto set = [&](std::uint32_t light, std::uint32_t primitive, float area) {
+      const Emission& e = emissions_[light];
+      const float factor = e.power / (kPi * area * (e.two_sided ? 2.f : 1.f));
+      powers_[ranges_[light].first + primitive] = factor < kInfinity ? factor : 0.f;
+    };
+    for (const QuadricRecord& record : part.quadrics)
+      if (record.light < emissions_.size()) set(record.light, 0, surface_area(record.quadric));
+    for (const MeshChunk& chunk : part.chunks) {
+      if (chunk.light >= emissions_.size()) continue;
+      const auto area = [&](std::uint32_t i) {
+        const TriangleVertices t = vertices_of(part, chunk, chunk.first_triangle + i);
+        return 0.5f * glm::length(glm::cross(t.p[1] - t.p[0], t.p[2] - t.p[0]));
+      };
+      const auto number = [&](std::uint32_t i) { return part.source_primitive(chunk, chunk.first_triangle + i); };
+      for (std::uint32_t i = 0; i < chunk.triangle_count; ++i) {
+        float whole = area(i);
+        const bool with_next = i + 1 < chunk.triangle_count && number(i + 1) == number(i) + 1 && number(i) % 2 == 0;
+        if (emissions_[chunk.light].patches && with_next) {
+          whole += area(i + 1);
+          set(chunk.light, number(i++), whole);
+        }
+        set(chunk.light, number(i), whole);
+      }
+    }
+  }
+  float power_factor(std::uint32_t light, std::uint32_t primitive) const {
+    const PrimitiveRange& range = ranges_[light];
+    const std::uint32_t i = range.count == 1 ? 0 : primitive;
+    return i < range.count ? powers_[range.first + i] : 0.f;
   }
 
   void reserve(const MeshChunk& chunk, const Part& part) {
@@ -384,6 +430,10 @@ class SceneLights final : public Lights {
       return by_primitive_[ranges_[chunk.light].first +
                            part.source_primitive(chunk, chunk.first_triangle + i)];
     };
+    const auto radiance = [&](std::uint32_t i) {
+      if (!(emission.power > 0.f)) return emission.radiance;
+      return emission.radiance * power_factor(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i));
+    };
     const auto normal = [&](const TriangleVertices& t) {
       return triangle_point(t, chunk.flip != 0, dialect, 1.f / 3.f, 1.f / 3.f, false).ng;
     };
@@ -393,42 +443,20 @@ class SceneLights final : public Lights {
       if (i + 1 < chunk.triangle_count) {
         const TriangleVertices b = vertices_of(part, chunk, chunk.first_triangle + i + 1);
         Vec3 corner, edge0, edge1;
-        if (parallelogram(a, b, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
-          if (const auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n,
-                                          emission.radiance, emission.two_sided)) {
+        if (parallelogram(a.p, b.p, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
+          if (auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n, radiance(i), emission.two_sided)) {
+            made->emitter.invisible = emission.invisible;
             slot(i) = slot(i + 1) = add(*made);
             ++i;
             continue;
           }
         }
       }
-      if (const auto made = make_flat(EmitterKind::triangle, a.p[0], a.p[1] - a.p[0],
-                                      a.p[2] - a.p[0], n, emission.radiance, emission.two_sided))
+      if (auto made = make_flat(EmitterKind::triangle, a.p[0], a.p[1] - a.p[0], a.p[2] - a.p[0], n, radiance(i), emission.two_sided)) {
+        made->emitter.invisible = emission.invisible;
         slot(i) = add(*made);
-    }
-  }
-
-  // Two triangles that share an edge and together are a parallelogram: most rectangular lights are
-  // given so.
-  static bool parallelogram(const TriangleVertices& a, const TriangleVertices& b, Vec3& corner,
-                            Vec3& edge0, Vec3& edge1) {
-    const auto lone = [](const TriangleVertices& x, const TriangleVertices& y) {
-      int found = -1;
-      for (int i = 0; i < 3; ++i) {
-        if (std::find(y.p.begin(), y.p.end(), x.p[static_cast<std::size_t>(i)]) != y.p.end())
-          continue;
-        if (found >= 0) return -1;
-        found = i;
       }
-      return found;
-    };
-    const int i = lone(a, b), j = lone(b, a);
-    if (i < 0 || j < 0) return false;
-    corner = a.p[static_cast<std::size_t>(i)];
-    edge0 = a.p[static_cast<std::size_t>((i + 1) % 3)] - corner;
-    edge1 = a.p[static_cast<std::size_t>((i + 2) % 3)] - corner;
-    const Vec3 gap = corner + edge0 + edge1 - b.p[static_cast<std::size_t>(j)];
-    return glm::length(gap) <= 1e-5f * std::min(glm::length(edge0), glm::length(edge1));
+    }
   }
 
   std::vector<Emitter> emitters_;
@@ -442,6 +470,7 @@ class SceneLights final : public Lights {
   std::vector<Emission> emissions_;     // of each emissive shape
   std::vector<PrimitiveRange> ranges_;  // of each emissive shape
   std::vector<std::uint32_t> by_primitive_;
+  std::vector<float> powers_;  // like by_primitive_; empty without a light that has a power
   bool emits_ = false;  // some shape shines, whether or not it can be sampled
 };
 

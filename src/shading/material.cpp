@@ -132,13 +132,16 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
     r.textured = params.textured();
     r.has_bump = kind->bump && params.optional_real("bumpmap", r.bump) &&
                  r.bump.texture;  // a constant displacement bends nothing
+    r.has_normal_map = kind->bump && !r.has_bump && params.optional_rgb("normalmap", r.normal_map) && r.normal_map.texture;
     if (in.base) {                // the first of two mixed materials gives the shading frame
       r.has_bump = in.base->has_bump;
       r.bump = in.base->bump;
+      r.has_normal_map = in.base->has_normal_map;
+      r.normal_map = in.base->normal_map;
     }
     r.tangents = in.tangents;
     r.needs = params.needs();
-    r.needs.uv = r.needs.uv || r.tangents || r.has_bump;
+    r.needs.uv = r.needs.uv || r.tangents || r.bends();
     r.depth = in.depth;
     if (!r.textured) {
       Bsdf constant;

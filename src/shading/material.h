@@ -77,6 +77,8 @@ class Shading {
 
   // Value of an alpha texture at uv (point filtered); index into SceneDescription::textures.
   virtual float alpha(std::uint32_t texture, const Vec2& uv, const Vec3& p) const = 0;
+  // pbrt-v4: what is between 0 and 1 is the part of all rays that meet the surface.
+  virtual bool alpha_by_chance(std::uint32_t texture) const = 0;
 
  protected:
   std::uint32_t kinds_ = 1;

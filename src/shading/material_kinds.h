@@ -49,6 +49,9 @@ struct MaterialRecord {
   bool textured = false;
   bool tangents = false;  // depends on the direction of the tangents
   bool has_bump = false;
+  TexturedRgb normal_map;  // pbrt-v4
+  bool has_normal_map = false;
+  bool bends() const { return has_bump || has_normal_map; }
   TexturedFloat bump;
   TextureNeeds needs;
   int depth = 1;  // of mixes

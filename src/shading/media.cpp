@@ -1,8 +1,10 @@
 #include "shading/media.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/portable_math.h"
+#include "scene/spectrum.h"
 
 namespace cloudrenderer {
 namespace {
@@ -128,9 +130,57 @@ void set_exponential(const MediumDesc& desc, Medium& m) {
   m.up = up / length;
 }
 
+// A light of pbrt-v4 that is given in its own units, and not by its luminance, counts times this: the integral of the
+// observer's Y.
+constexpr float kPhotometric = 106.856895f;
+
+std::uint32_t channel_called(const MediumDesc& desc, std::string_view name) {
+  const Param* channels = desc.params.find("channels");
+  if (!channels || channels->type != ParamType::string) return kNoChannel;
+  const auto found = std::find(channels->strings.begin(), channels->strings.end(), name);
+  return found == channels->strings.end() ? kNoChannel : static_cast<std::uint32_t>(found - channels->strings.begin());
+}
+
+float light_scale(const MediumDesc& desc) {
+  const float scale = desc.params.real("Lescale", 1.f);
+  if (!(scale >= 0.f && scale < kInfinity)) throw SceneError{desc.location, "Lescale of a medium must be finite and at least 0"};
+  return scale;
+}
+
+// pbrt-v4: what varies with the place.
+void set_channels(const MediumDesc& desc, const Medium& m, GridMedium& grid) {
+  if (desc.type == "rgbgrid") {
+    const float scale = desc.params.real("scale", 1.f);
+    if (!(scale >= 0.f && scale < kInfinity)) throw SceneError{desc.location, "scale of a medium must be finite and at least 0"};
+    grid.event = grid.blocking = Rgb(scale);
+    grid.scattering = channel_called(desc, "sigma_s");
+    grid.radiance = channel_called(desc, "Le");
+    if (grid.scattering != 3 || (grid.radiance != kNoChannel && grid.radiance != 6))
+      throw SceneError{desc.location, "the channels of the grid are not those of an rgbgrid"};
+    grid.emission = Rgb(light_scale(desc) * kPhotometric);
+    return;
+  }
+  grid.temperature = channel_called(desc, "temperature");
+  grid.strength = channel_called(desc, "strength");
+  const float scale = grid.strength == kNoChannel ? light_scale(desc) : 1.f;
+  const Rgb light = scale * (grid.temperature == kNoChannel ? m.radiance : Rgb(kPhotometric));
+  for (int c = 0; c < 3; ++c)
+    if (m.sigma_t[c] > 0.f) grid.emission[c] = light[c] * m.sigma_a[c] / m.sigma_t[c];
+  if (desc.type == "uniformgrid" && grid.strength == kNoChannel && !is_black(grid.emission)) {
+    grid.one_strength = true;
+    grid.world_to_medium = desc.medium_to_world.inverse();
+    grid.low = desc.params.point3("p0", Vec3(0.f));
+    grid.size = desc.params.point3("p1", Vec3(1.f)) - grid.low;
+  }
+  if (grid.temperature == kNoChannel) return;
+  grid.temperature_offset = desc.params.real("temperatureoffset", 0.f);
+  grid.temperature_scale = desc.params.real("temperaturescale", 1.f);
+}
+
 // Of a medium's coefficients; the densities have been taken out of the description.
 GridMedium make_grid(const MediumDesc& desc, const Medium& m) {
   for (const char* name : {"nx", "ny", "nz"}) desc.params.integer(name, 1);
+  if (const Param* channels = desc.params.find("channels")) channels->used = true;
   const Vec3 diagonal = desc.params.point3("p1", Vec3(1.f)) - desc.params.point3("p0", Vec3(0.f));
   GridMedium grid;
   grid.g = m.g;
@@ -149,7 +199,24 @@ GridMedium make_grid(const MediumDesc& desc, const Medium& m) {
     if (grid.event[c] == 0.f && is_black(m.sigma_t)) grid.event[c] = largest;
   for (int c = 0; c < 3; ++c)
     if (grid.event[c] > 0.f) grid.emission[c] = m.emission[c] / grid.event[c];
+  if (desc.params.has("channels") || !is_black(m.radiance)) set_channels(desc, m, grid);
   return grid;
+}
+
+// The table of black_body(): even in the logarithm of the temperature.
+constexpr float kColdest = 100.f, kHottest = 40000.f;
+constexpr std::size_t kTemperatures = 1024;
+float temperature_place(float kelvin) {
+  return portable::log2(std::clamp(kelvin, kColdest, kHottest) / kColdest) / portable::log2(kHottest / kColdest) *
+         static_cast<float>(kTemperatures - 1);
+}
+std::vector<Rgb> black_bodies() {
+  std::vector<Rgb> out;
+  const double steps = static_cast<double>(portable::log2(kHottest / kColdest)) / static_cast<double>(kTemperatures - 1);
+  for (std::size_t i = 0; i < kTemperatures; ++i)
+    // Channels below 0, of reds that RGB does not have, are 0.
+    out.push_back(glm::max(Rgb(0.f), blackbody_to_rgb(static_cast<double>(kColdest) * portable::exp(static_cast<double>(i) * steps * 0.6931471805599453), Dialect::v3)));
+  return out;
 }
 
 Medium make_medium(const MediumDesc& desc, Dialect dialect, Warnings& warnings) {
@@ -175,16 +242,20 @@ Medium make_medium(const MediumDesc& desc, Dialect dialect, Warnings& warnings) 
   if (v2) {
     m.emission = coefficient(desc, "Le", Rgb(0.f));
     set_box(desc, m);
+  } else {
+    m.radiance = coefficient(desc, "emission", Rgb(0.f));
   }
   if (is_grid(desc, dialect)) return m;
   if (v2 && desc.type == "exponential") {
     set_exponential(desc, m);
   } else if (desc.type != "homogeneous") {
     warnings.add(desc.location, "the medium \"" + desc.type + "\" is not supported; expected " +
-                                    (v2 ? "homogeneous, exponential or volumegrid" : "homogeneous, heterogeneous or uniformgrid") +
+                                    (v2 ? "homogeneous, exponential or volumegrid"
+                                         : "homogeneous, heterogeneous, uniformgrid, rgbgrid, nanovdb or cloud") +
                                     ": left out");
     return {};
   }
+  if (!v2 && !is_black(m.radiance)) m.radiance *= light_scale(desc);
   desc.params.report_unused((v2 ? "Volume \"" : "MakeNamedMedium \"") + desc.type + "\"", warnings);
   return m;
 }
@@ -201,12 +272,44 @@ std::unique_ptr<const Media> Media::build(const SceneDescription& scene, Warning
       out->grids_.resize(scene.media.size());
       GridMedium& grid = out->grids_[out->media_.size()] = make_grid(desc, medium);
       const Rgb& e = grid.event;
-      out->chromatic_grids_ = out->chromatic_grids_ || e.x != e.y || e.x != e.z;
+      out->chromatic_grids_ = out->chromatic_grids_ || e.x != e.y || e.x != e.z || grid.scattering != kNoChannel;
+      if (grid.temperature != kNoChannel && out->black_body_.empty()) out->black_body_ = black_bodies();
       desc.params.report_unused("the density grid", warnings);
       medium = {};
     }
     out->media_.push_back(medium);
   }
+  return out;
+}
+
+Rgb Media::black_body(float kelvin) const {
+  if (!(kelvin > kColdest)) return Rgb(0.f);  // and NaN
+  const float at = temperature_place(kelvin);
+  const auto low = std::min(static_cast<std::size_t>(at), kTemperatures - 2);
+  const float part = at - static_cast<float>(low);
+  return (1.f - part) * black_body_[low] + part * black_body_[low + 1];
+}
+
+GridCollision Media::collision(const GridMedium& grid, std::span<const float> values, const Vec3& p) const {
+  GridCollision out{grid.albedo, grid.emission};
+  if (grid.one_strength) {
+    const Vec3 at = (grid.world_to_medium.point(p) - grid.low) / grid.size;
+    for (int a = 0; a < 3; ++a) out.emission *= std::max(0.f, 1.f - std::fabs(at[a] - 0.5f));
+  }
+  if (values.empty()) return out;
+  const auto rgb = [&](std::uint32_t first) { return Rgb(values[first], values[first + 1], values[first + 2]); };
+  if (grid.scattering != kNoChannel) {
+    const Rgb t = rgb(0), s = rgb(grid.scattering);
+    const Rgb light = grid.radiance == kNoChannel ? Rgb(0.f) : grid.emission * rgb(grid.radiance);
+    for (int c = 0; c < 3; ++c) {
+      out.albedo[c] = t[c] > 0.f ? std::min(s[c] / t[c], 1.f) : 0.f;
+      out.emission[c] = light[c] * (1.f - out.albedo[c]);
+    }
+    return out;
+  }
+  if (grid.temperature != kNoChannel)
+    out.emission *= black_body((values[grid.temperature] - grid.temperature_offset) * grid.temperature_scale);
+  if (grid.strength != kNoChannel) out.emission *= std::max(0.f, values[grid.strength]);
   return out;
 }
 
@@ -236,12 +339,16 @@ MediumSample Media::sample(std::uint16_t medium, const MediumRay& ray, const Med
   out.collides = hit != nullptr;
   out.t = static_cast<float>(nearest);
   if (gray) {
-    if (hit) out.weight = hit->sigma_s / hit->sigma_t.x;
+    if (hit) {
+      out.weight = hit->sigma_s / hit->sigma_t.x;
+      out.emitted = hit->radiance * (hit->sigma_a / hit->sigma_t.x);
+    }
   } else {
     const Rgb passed = transmittance_to(media, ray, nearest);
     // The density of the medium cancels.
     const float pdf = mean(hit ? hit->sigma_t * passed : passed);
     out.weight = pdf > 0.f ? (hit ? hit->sigma_s * passed : passed) / pdf : Rgb(0.f);
+    if (hit && pdf > 0.f) out.emitted = hit->radiance * hit->sigma_a * passed / pdf;
   }
   if (hit) out.g = hit->g;
   return out;

@@ -39,11 +39,13 @@ struct MediumSample {
   float t = 0;
   float g = 0;            // of the medium that it collided with
   Rgb weight{1};          // times this the throughput goes on, scattered or passed
+  Rgb emitted{0};         // where it collides: light of the medium, times the throughput before
 };
 
 // A homogeneous medium, or a density that decreases exponentially with the height; all of space, or a box.
 struct Medium {
   Rgb sigma_a{0}, sigma_s{0}, sigma_t{0}, emission{0};
+  Rgb radiance{0};  // pbrt-v4: what the absorbing part emits, taken along by paths that collide
   float g = 0;
   bool gray = true;  // sigma_t is the same in all channels
   bool bounded = false;
@@ -61,6 +63,22 @@ struct GridMedium {
   Rgb event{0}, blocking{0};  // collisions a unit of length and density: see CollisionRate; blocking is sigma_t
   Rgb emission{0};         // at an event: of the medium over `event`
   float g = 0;
+  // What differs from point to point, by channels of the bricks' samples (kNoChannel: none); pbrt-v4 only.
+  std::uint32_t strength = kNoChannel;     // times the emission
+  // Without such a channel pbrt-v4 has a grid of one sample: 1 in the middle of the box, half of it at each side.
+  bool one_strength = false;
+  Transform world_to_medium;
+  Vec3 low{0}, size{1};  // of the box
+  std::uint32_t temperature = kNoChannel;  // emission is that of a black body
+  float temperature_offset = 0, temperature_scale = 1;
+  std::uint32_t scattering = kNoChannel;   // red of sigma_s, green and blue follow; sigma_t are the first three
+  std::uint32_t radiance = kNoChannel;     // red of what the absorbing part emits, as above
+  bool varies() const { return strength != kNoChannel || temperature != kNoChannel || scattering != kNoChannel; }
+};
+
+// What happens where a path has collided with a grid.
+struct GridCollision {
+  Rgb albedo{0}, emission{0};
 };
 
 // The media of a scene. Path segments name the one that they are in by 1 + its number, 0 is vacuum. In scenes of
@@ -78,6 +96,8 @@ class Media {
 
   // By medium, those of no grid black; empty: the scene has none.
   std::span<const GridMedium> grids() const { return grids_; }
+  // At a point of the world, in a grid whose samples there, channel by channel, are `values`; empty where the grid does not vary.
+  GridCollision collision(const GridMedium& grid, std::span<const float> values, const Vec3& p) const;
   // Rates differ between the channels: a path is of one channel then.
   bool chromatic_grids() const { return chromatic_grids_; }
 
@@ -96,8 +116,12 @@ class Media {
     return medium == 0 || medium > media_.size() ? std::span<const Medium>() : std::span(media_).subspan(medium - 1u, 1);
   }
 
+  // Radiance of a black body in kelvin, as pbrt-v4 has it.
+  Rgb black_body(float kelvin) const;
+
   std::vector<Medium> media_;
   std::vector<GridMedium> grids_;
+  std::vector<Rgb> black_body_;  // see black_body(); empty where no grid has a temperature
   bool chromatic_grids_ = false;
   bool all_ = false;  // everywhere: pbrt-v2
 };

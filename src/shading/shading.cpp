@@ -35,6 +35,26 @@ void bump(const TexturedFloat& height, const TexturePoint& at, float fixed_step,
   point.shading_dpdv = bent_v;
 }
 
+// The shading frame that a picture of normals in the space of the tangents gives, as pbrt-v4 reads it: not filtered.
+void map_normal(const TexturedRgb& normals, const TexturePoint& at, SurfacePoint& point) {
+  TexturePoint unfiltered;
+  unfiltered.p = at.p;
+  unfiltered.uv = at.uv;
+  const Vec3 local = 2.f * normals(unfiltered) - Vec3(1.f), dpdu = point.shading_dpdu;
+  const float length = glm::length(dpdu), length_v = glm::length(point.shading_dpdv);
+  if (!(length > 0.f) || !std::isfinite(length)) return;
+  const Vec3 x = dpdu / length, y = glm::cross(point.ns, x);
+  const Vec3 n = local.x * x + local.y * y + local.z * point.ns;
+  const float length2 = glm::dot(n, n);
+  if (!(length2 > 0.f) || !std::isfinite(length2)) return;
+  const Vec3 unit = n / std::sqrt(length2);
+  const Vec3 along = dpdu - unit * glm::dot(unit, dpdu);
+  point.ns = glm::dot(unit, point.ng) < 0.f ? -unit : unit;
+  if (is_black(along)) return;
+  point.shading_dpdu = glm::normalize(along) * length;
+  point.shading_dpdv = glm::normalize(glm::cross(unit, along)) * length_v;
+}
+
 // The frame of anisotropic lobes: along the tangent.
 Frame tangent_frame(const SurfacePoint& point) {
   const Vec3 s = point.shading_dpdu - point.ns * glm::dot(point.ns, point.shading_dpdu);
@@ -82,7 +102,7 @@ class SceneShading final : public Shading {
   using Shading::bsdf;
   Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const override {
     const MaterialRecord* r = material < records_.size() ? &records_[material] : nullptr;
-    if (r && (r->textured || r->has_bump)) return textured(*r, point, footprint);
+    if (r && (r->textured || r->bends())) return textured(*r, point, footprint);
     Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
     if (r) b.add(std::span<const Lobe>(r->lobes));
     return b;
@@ -131,10 +151,13 @@ class SceneShading final : public Shading {
     return (*t)(at);
   }
 
+  bool alpha_by_chance(std::uint32_t texture) const override { return textures_.by_chance(texture); }
+
  private:
   Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Footprint& footprint) const {
     const TexturePoint at(point, footprint);
     if (r.has_bump) bump(r.bump, at, bump_step_, point);
+    if (r.has_normal_map) map_normal(r.normal_map, at, point);
     Bsdf b(r.tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
     if (r.textured) {
       LobeSink sink(b);
@@ -148,7 +171,7 @@ class SceneShading final : public Shading {
   void number_kinds() {
     std::vector<const MaterialRecord*> firsts;
     for (MaterialRecord& r : records_) {
-      if (!r.material || r.textured || r.has_bump || r.tangents || r.has_subsurface || r.lobes.empty() ||
+      if (!r.material || r.textured || r.bends() || r.tangents || r.has_subsurface || r.lobes.empty() ||
           r.lobes.size() > Bsdf8::kMaxLobes ||
           !std::all_of(r.lobes.begin(), r.lobes.end(), eight_wide))
         continue;

@@ -100,7 +100,7 @@ TexturePoint::TexturePoint(const SurfacePoint& point, const Footprint& footprint
 
 struct TextureSet::State {
   struct Entry {
-    bool built = false, is_float = false;
+    bool built = false, is_float = false, by_chance = false;
     Built<float> real;
     Built<Rgb> rgb;
     TextureNeeds needs;
@@ -153,6 +153,7 @@ TextureSet::TextureSet(const SceneDescription& scene, std::uint64_t budget, Warn
     TextureInputs inputs{params, desc.texture_to_world, s.images};
     State::Entry& e = s.entries[i];
     e.is_float = desc.is_float;
+    e.by_chance = desc.params.boolean("chance", false);
     if (desc.is_float)
       e.real = store<float>(kind->make_float(inputs)), e.rgb = grey(e.real.value);
     else
@@ -200,6 +201,10 @@ const TexturedFloat* TextureSet::float_texture(std::uint32_t index) const {
   return e.built && e.is_float ? &e.real.value : nullptr;
 }
 
+bool TextureSet::by_chance(std::uint32_t index) const {
+  return index < state_->entries.size() && state_->entries[index].by_chance;
+}
+
 std::uint64_t TextureSet::bytes() const { return state_->images.bytes(); }
 
 template <class T>
@@ -242,6 +247,11 @@ TexturedRgb TexturedParams::rgb(std::string_view name, const Rgb& otherwise) {
 bool TexturedParams::optional_real(std::string_view name, TexturedFloat& out) {
   if (!params_.has(name)) return false;
   out = real(name, 0.f);
+  return true;
+}
+bool TexturedParams::optional_rgb(std::string_view name, TexturedRgb& out) {
+  if (!params_.has(name)) return false;
+  out = rgb(name, Rgb(0.f));
   return true;
 }
 

@@ -86,6 +86,7 @@ class TextureSet {
             Warnings& warnings) const;
   // By index into SceneDescription::textures; null when it is no float texture.
   const TexturedFloat* float_texture(std::uint32_t index) const;
+  bool by_chance(std::uint32_t index) const;  // it says "bool chance"
   std::uint64_t bytes() const;
 
  private:
@@ -110,6 +111,7 @@ class TexturedParams {
   Textured<T> value(std::string_view name, float otherwise);
   // False when the parameter is absent.
   bool optional_real(std::string_view name, TexturedFloat& out);
+  bool optional_rgb(std::string_view name, TexturedRgb& out);
 
   const ParamSet& params() const { return params_; }
   Dialect dialect() const { return dialect_; }

@@ -1,12 +1,9 @@
 #pragma once
-// Gradient noise on a lattice of integers (Perlin, "Improving noise", SIGGRAPH 2002) and the sums
-// of its octaves. Made of IEEE operations only: the same bits on every host.
+// Sums of octaves of noise (base/noise.h). Made of IEEE operations only: the same bits on every host.
+#include "base/noise.h"
 #include "shading/texture_mapping.h"
 
 namespace cloudrenderer {
-
-// About -1 to 1, 0 at the lattice points and for what is no number, repeats every 256 units.
-float noise(const Vec3& p);
 
 // Octaves, each 1.99 times the frequency of the one before and `roughness` times its weight. Those
 // that vary more than once in two pixels of the footprint are left out, the last is faded in.

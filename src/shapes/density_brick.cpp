@@ -33,50 +33,56 @@ float interpolate(const DensityBrick& brick, std::span<const float> samples, con
 
 }  // namespace
 
-void cut_grid(const glm::uvec3& size, const Vec3& p0, const Vec3& p1, bool clamped, const Transform& object_to_world,
-              std::span<const float> density,
+void cut_grid(const GridLayout& grid, const Voxels& voxels, const Transform& object_to_world,
               const std::function<void(const DensityBrick&, std::uint32_t, std::span<const float>)>& sink) {
-  // Cell c of an axis lies between samples c - 1 and c; the first and last reach half a cell into what is around the grid.
-  const auto value = [&](std::int64_t x, std::int64_t y, std::int64_t z) {
-    std::array<std::int64_t, 3> i{x, y, z};
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::int64_t last = std::int64_t{size[static_cast<int>(a)]} - 1;
-      if (!clamped && (i[a] < 0 || i[a] > last)) return 0.f;
-      i[a] = std::clamp<std::int64_t>(i[a], 0, last);
-    }
-    return density[(static_cast<std::size_t>(i[2]) * size.y + static_cast<std::size_t>(i[1])) * size.x + static_cast<std::size_t>(i[0])];
-  };
+  // Cell c of an axis lies between samples c - 1 and c; the first and last reach into what is around the grid.
+  const float shift = grid.first_sample - 1;
   // Where cell c begins; the same number for both of the bricks that meet there.
   const auto plane = [&](int a, std::uint32_t c) {
-    const double x = std::clamp((static_cast<double>(c) - 0.5) / static_cast<double>(size[a]), 0.0, 1.0);
-    return static_cast<float>(static_cast<double>(p0[a]) + x * (static_cast<double>(p1[a]) - static_cast<double>(p0[a])));
+    const double x = std::clamp((static_cast<double>(c) + static_cast<double>(shift)) / static_cast<double>(grid.size[a]), 0.0, 1.0);
+    return static_cast<float>(static_cast<double>(grid.p0[a]) + x * (static_cast<double>(grid.p1[a]) - static_cast<double>(grid.p0[a])));
   };
-  const glm::uvec3 bricks = (size + kBrickCells) / kBrickCells;  // of size + 1 cells
+  const glm::uvec3 bricks = (grid.size + kBrickCells) / kBrickCells;  // of size + 1 cells
   std::vector<float> samples;
   std::uint32_t number = 0;
   for (std::uint32_t bz = 0; bz < bricks.z; ++bz)
     for (std::uint32_t by = 0; by < bricks.y; ++by)
       for (std::uint32_t bx = 0; bx < bricks.x; ++bx, ++number) {
-        const glm::uvec3 begin = glm::uvec3(bx, by, bz) * kBrickCells, end = glm::min(begin + kBrickCells, size + 1u);
-        samples.clear();
-        for (std::int64_t z = begin.z; z <= end.z; ++z)
-          for (std::int64_t y = begin.y; y <= end.y; ++y)
-            for (std::int64_t x = begin.x; x <= end.x; ++x) samples.push_back(value(x - 1, y - 1, z - 1));
+        const glm::uvec3 begin = glm::uvec3(bx, by, bz) * kBrickCells, end = glm::min(begin + kBrickCells, grid.size + 1u);
+        const glm::ivec3 low = glm::ivec3(begin) - 1, high = glm::ivec3(end);
         DensityBrick brick;
-        brick.majorant = *std::max_element(samples.begin(), samples.end());
+        brick.channels = grid.channels;
+        brick.densities = grid.densities;
+        for (int a = 0; a < 3; ++a) brick.size[static_cast<std::size_t>(a)] = end[a] - begin[a] + 1;
+        const std::size_t n = brick.channel_samples();
+        samples.resize(n * grid.channels);
+        for (std::uint32_t c = 0; c < grid.channels; ++c) {
+          if (c == grid.densities) {
+            brick.majorant = *std::max_element(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(n * c));
+            if (!(brick.majorant > 0.f)) break;
+          }
+          const std::span<float> channel(samples.data() + n * c, n);
+          voxels.read(c, low, high, channel.data());
+          if (c < grid.densities)
+            for (float& d : channel) d = d > 0.f ? d : 0.f;
+        }
+        if (grid.channels == grid.densities) brick.majorant = *std::max_element(samples.begin(), samples.end());
         if (!(brick.majorant > 0.f)) continue;
         brick.object_to_world = object_to_world;
         for (int a = 0; a < 3; ++a) {
           const float from = plane(a, begin[a]), to = plane(a, end[a]);
-          const float width = p1[a] - p0[a];
+          const float width = grid.p1[a] - grid.p0[a];
           brick.low[a] = std::min(from, to);
           brick.high[a] = std::max(from, to);
-          brick.scale[a] = static_cast<float>(size[a]) / width;
-          brick.first[a] = p0[a] + width * ((static_cast<float>(begin[a]) - 0.5f) / static_cast<float>(size[a]));
-          brick.size[static_cast<std::size_t>(a)] = end[a] - begin[a] + 1;
+          brick.scale[a] = static_cast<float>(grid.size[a]) / width;
+          brick.first[a] = grid.p0[a] + width * ((static_cast<float>(begin[a]) + shift) / static_cast<float>(grid.size[a]));
         }
         sink(brick, number, samples);
       }
+}
+
+float value_at(const DensityBrick& brick, std::span<const float> channel, const Vec3& p) {
+  return interpolate(brick, channel, brick.object_to_world.inverse().point(p));
 }
 
 float track(const DensityBrick& brick, std::span<const float> samples, const Vec3& origin, const Vec3& direction,

@@ -86,13 +86,13 @@ bool LoadedPart::intersect_curve(std::uint32_t segment, const Vec3& origin, cons
   return cloudrenderer::intersect(curves.piece(record), u0, u1, ray, t_min, t_max, hit);
 }
 
-bool LoadedPart::curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow,
+bool LoadedPart::curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& origin, const Vec3& direction, bool shadow,
                                  const SceneFunctions& scene) const {
   const CurveGroup& g = part_.curves.group_of(segment);
   const std::uint32_t texture = shadow && g.shadow_alpha_texture != kNone ? g.shadow_alpha_texture : g.alpha_texture;
   if (texture == kNone) return true;
   const SurfacePoint s = curve_point(part_.curves, segment, direction, u, v);
-  return scene.alpha(texture, s.uv, s.p) != 0.f;
+  return scene.alpha(texture, s.uv, s.p).opaque(origin, direction, s.p);
 }
 
 }  // namespace cloudrenderer

@@ -433,7 +433,8 @@ float LoadedPart::collide(std::uint32_t brick, const Vec3& origin, const Vec3& d
   const std::uint64_t number = mix64((std::uint64_t{b.shape} << 32) | b.primitive), key = mix64(ray.key + number);
   Vec2 first{to_unit(static_cast<std::uint32_t>(key >> 32)), to_unit(static_cast<std::uint32_t>(key))};
   if (ray.sequence) first = ray.sequence->get_2d(ray.dimension + static_cast<std::uint32_t>(number));
-  return track(b.brick, part_.densities.subspan(b.first_sample, b.sample_count()), origin, direction, t_far,
+  const std::size_t n = b.brick.channel_samples(), channel = b.brick.densities == 3 ? ray.channel : 0;
+  return track(b.brick, part_.densities.subspan(b.first_sample + n * channel, n), origin, direction, t_far,
                (shadow ? rate.blocking : rate.event)[static_cast<int>(ray.channel)], first, key);
 }
 
@@ -475,13 +476,13 @@ bool LoadedPart::opaque(unsigned geometry, std::uint32_t index, float u, float v
     }
     uv = (1.f - u - v) * a + u * b + v * d;
     const Vec3 p = (1.f - u - v) * part_.positions[tri.x] + u * part_.positions[tri.y] + v * part_.positions[tri.z];
-    return scene.alpha(texture, uv, p) != 0.f;
+    return scene.alpha(texture, uv, p).opaque(origin, direction, p);
   }
-  if (geometry == kCurves) return curve_is_opaque(index, u, v, direction, shadow, scene);
+  if (geometry == kCurves) return curve_is_opaque(index, u, v, origin, direction, shadow, scene);
   const QuadricRecord& q = part_.quadrics[index];
   if (q.alpha_texture == kNone) return true;
   const SurfacePoint s = surface_point(q.quadric, q.flip != 0, origin, direction, t);
-  return scene.alpha(q.alpha_texture, s.uv, s.p) != 0.f;
+  return scene.alpha(q.alpha_texture, s.uv, s.p).opaque(origin, direction, s.p);
 }
 
 }  // namespace cloudrenderer

@@ -80,7 +80,7 @@ class LoadedPart {
   void add_triangles();
   void add_quadrics();
   void add_curves();
-  bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& direction, bool shadow,
+  bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& origin, const Vec3& direction, bool shadow,
                        const SceneFunctions& scene) const;
   void add_instances();
   void add_moving();

@@ -230,6 +230,16 @@ void Resident::set_scene(SceneFunctions scene) {
   next->scene_ = std::make_shared<const SceneFunctions>(std::move(scene));
   set_ = std::move(next);
 }
+bool Alpha::opaque(const Vec3& origin, const Vec3& direction, const Vec3& p) const {
+  if (!by_chance) return value != 0.f;
+  if (!(value > 0.f)) return false;
+  if (value >= 1.f) return true;
+  std::uint64_t key = 0;
+  for (const Vec3& v : {origin, direction, p})
+    for (int i = 0; i < 3; ++i) key = mix64(key + std::bit_cast<std::uint32_t>(v[i] + 0.f));  // -0 is 0
+  return to_unit(static_cast<std::uint32_t>(key >> 32)) < value;
+}
+
 void Resident::set_alpha(AlphaFunction alpha) { set_scene({std::move(alpha), set_->scene_->rates}); }
 void Resident::set_collision_rates(std::vector<CollisionRate> rates) { set_scene({set_->scene_->alpha, std::move(rates)}); }
 

@@ -15,8 +15,16 @@
 
 namespace cloudrenderer {
 
-// Value of an alpha texture at a point of a shape: 0 means "no surface here".
-using AlphaFunction = std::function<float(std::uint32_t texture, const Vec2& uv, const Vec3& p)>;
+// Value of an alpha texture at a point of a shape: 0 means "no surface here", and what is between 0 and 1 that there is one,
+// or, in pbrt-v4, that so large a part of all rays find one.
+struct Alpha {
+  Alpha(float v, bool chance = false) : value(v), by_chance(chance) {}  // NOLINT: a number is a mask
+  float value;
+  bool by_chance;
+  // The ray's share is drawn from itself and the point, in one space: the same on any host.
+  bool opaque(const Vec3& origin, const Vec3& direction, const Vec3& p) const;
+};
+using AlphaFunction = std::function<Alpha(std::uint32_t texture, const Vec2& uv, const Vec3& p)>;
 
 // Of the grid media of a scene, by medium: collisions a unit of length and density.
 struct CollisionRate {
