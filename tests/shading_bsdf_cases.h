@@ -34,9 +34,8 @@ inline constexpr int kBsdfKinds = 25;
 // other errors between the angles of one direction than of the other), and hair (its lobes are weighed by one of the two
 // directions, and the scales tilt them).
 //   More than what arrives may come from Blinn's distribution (V-grooves mask too little near grazing angles), fresnel_blend
-// (gloss is not masked at all), disney (retro-reflection and sheen are added to a full diffuse term), tilted hair, and tables
-// of the RGL between the last angles. What the two lobes of TranslucentV3 refract and scatter is not told apart by the
-// sample's index.
+// (gloss is not masked at all), disney (retro-reflection and sheen are added to a full diffuse term) and tilted hair. What
+// the two lobes of TranslucentV3 refract and scatter is not told apart by the sample's index.
 template <class Random>
 BsdfCase random_case(int kind, Random&& u) {
   using namespace bsdf;
@@ -48,7 +47,7 @@ BsdfCase random_case(int kind, Random&& u) {
   static const MeasuredReflectance flat = formula(0.6f, 0.f, 1.f), satin = formula(0.3f, 0.4f, 20.f);
   static const auto layered = fourier_table({.albedo = 0.9f, .through = 0.3f}), colored = fourier_table({.channels = 3});
   static const auto brushed = rgl_table({.alpha_x = 0.1, .alpha_y = 0.4, .phis = 9, .folds = 2});
-  static const auto lacquer = rgl_table({.alpha_x = 0.2, .alpha_y = 0.2, .diffuse = 0.4});
+  static const auto lacquer = rgl_table({.alpha_x = 0.2, .alpha_y = 0.2, .diffuse = 0.4, .gloss = 0.5});
   switch (kind) {
     case 0:
       return {"Lambert", {lambert(kd), lambert(Rgb(1.f) - kd, true)}};
@@ -102,7 +101,7 @@ BsdfCase random_case(int kind, Random&& u) {
     case 22:
       return {"DiffuseExit", {diffuse_exit(index)}, false};
     case 23:
-      return {"Rgl", {measured(u() < 0.5f ? *brushed : *lacquer)}, false, false};
+      return {"Rgl", {measured(u() < 0.5f ? *brushed : *lacquer)}, false};
     default:
       return {"HairTilted", {hair({2.f * u() - 1.f, index, color(2.f), rough(), rough(), 4.f * u()})}, false, false};
   }

@@ -26,7 +26,7 @@ std::vector<BsdfCase> cases() {
   static const auto layered = testing::fourier_table({.albedo = 0.9f, .through = 0.3f}),
                     peaked = testing::fourier_table({.peak = 0.6f, .channels = 3});
   static const auto brushed = testing::rgl_table({.alpha_x = 0.1, .alpha_y = 0.4, .phis = 9, .folds = 2});
-  static const auto lacquer = testing::rgl_table({.alpha_x = 0.2, .alpha_y = 0.2, .diffuse = 0.4});
+  static const auto lacquer = testing::rgl_table({.alpha_x = 0.2, .alpha_y = 0.2, .diffuse = 0.4, .gloss = 0.5});
   const Rgb sigma(0.1f, 0.4f, 1.2f);
   const FresnelTerm plastic_v2 = dielectric_one_sided(1.f / 1.5f),
                     plastic_v3 = dielectric(1.f / 1.5f);
