@@ -69,28 +69,32 @@ bool RglTable::half_vector(const Viewer& v, const Vec3& wi_world, HalfVector& ou
   return out.cosine > 0.f;
 }
 
-Rgb RglTable::value(const Vec3& wo, const Vec3& wi) const {
+Rgb RglTable::value_and_pdf(const Vec3& wo, const Vec3& wi, float& density) const {
+  constexpr float kLeastJacobian = 1e-9f;  // at the normal, where the places have a corner
+  density = 0.f;
   const Viewer v = viewer(wo);
   HalfVector h;
   if (!half_vector(v, wi, h)) return Rgb(0.f);
-  float ignored;
-  const Vec2 s = visible_.invert(h.place, v.mix, ignored);
+  float visible;
+  const Vec2 s = visible_.invert(h.place, v.mix, visible);
+  const float sine = std::sqrt(h.m.x * h.m.x + h.m.y * h.m.y);
+  const float jacobian = std::max(2.f * kPi * kPi * h.place.x * sine, kLeastJacobian) * 4.f * h.cosine;
+  density = luminance_.pdf(s, v.mix) * visible / jacobian;
   float scale = 1.f / h.wi_cosine;
   if (jacobian_) scale *= ndf_.value(h.place, {}) / (4.f * sigma_.value(v.place, {}));
   const Rgb f = scattered_.value(s, v.mix) * scale;
   return is_finite(f) ? f : Rgb(0.f);  // no area to be seen
 }
 
+Rgb RglTable::value(const Vec3& wo, const Vec3& wi) const {
+  float ignored;
+  return value_and_pdf(wo, wi, ignored);
+}
+
 float RglTable::pdf(const Vec3& wo, const Vec3& wi) const {
-  constexpr float kLeastJacobian = 1e-9f;  // at the normal, where the places have a corner
-  const Viewer v = viewer(wo);
-  HalfVector h;
-  if (!half_vector(v, wi, h)) return 0.f;
   float density;
-  const Vec2 s = visible_.invert(h.place, v.mix, density);
-  const float sine = std::sqrt(h.m.x * h.m.x + h.m.y * h.m.y);
-  const float jacobian = std::max(2.f * kPi * kPi * h.place.x * sine, kLeastJacobian) * 4.f * h.cosine;
-  return luminance_.pdf(s, v.mix) * density / jacobian;
+  value_and_pdf(wo, wi, density);
+  return density;
 }
 
 bool RglTable::sample(const Vec3& wo, float, const Vec2& u, Vec3& wi) const {
@@ -123,8 +127,9 @@ void RglTable::tabulate_albedo() {
       const Vec3 wo(r * c, r * s, z);
       Vec3 wi;
       if (!sample(wo, 0.f, u, wi)) continue;
-      if (const float density = pdf(wo, wi); density > 0.f)
-        sum += static_cast<double>(luminance(value(wo, wi)) * wi.z / density);
+      float density;
+      const Rgb f = value_and_pdf(wo, wi, density);
+      if (density > 0.f) sum += static_cast<double>(luminance(f) * wi.z / density);
     }
     albedo_[a] = static_cast<float>(std::min(sum / (kAcross * kAcross), 1e6));
   }

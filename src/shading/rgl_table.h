@@ -26,6 +26,7 @@ class RglTable final : public ScatteringTable {
 
   Rgb value(const Vec3& wo, const Vec3& wi) const override;
   float pdf(const Vec3& wo, const Vec3& wi) const override;
+  Rgb value_and_pdf(const Vec3& wo, const Vec3& wi, float& density) const override;
   bool sample(const Vec3& wo, float u, const Vec2& u2, Vec3& wi) const override;
   float albedo(float cosine) const override;
   std::uint64_t bytes() const override;
