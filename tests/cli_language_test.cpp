@@ -10,6 +10,7 @@
 #include "nanovdb_support.h"
 #include "scene/language.h"
 #include "scene/parser.h"
+#include "shading_rgl_support.h"
 
 namespace cloudrenderer {
 namespace {
@@ -58,7 +59,7 @@ std::string value_of(const LanguageRow& row, const LanguageParam& p) {
     if (row.directive == "Film") return "\"picture.exr\"";
     if (row.type == "plymesh") return "\"mesh.ply\"";
     if (row.type == "nanovdb") return "\"grid.nvdb\"";
-    if (row.type == "measured") return "\"table.brdf\"";
+    if (row.type == "measured") return row.dialects == kInV4 ? "\"table.bsdf\"" : "\"table.brdf\"";
     return "\"map.png\"";
   }
   if (const auto found = kNamed.find(name); found != kNamed.end()) return found->second;
@@ -122,7 +123,7 @@ std::string scene_with(const LanguageRow& row, Dialect dialect, std::string_view
   return before + "WorldBegin\n" + world + (dialect == Dialect::v4 ? "" : "WorldEnd\n");
 }
 
-class LanguageTables : public testing::Test {
+class LanguageTables : public ::testing::Test {
  protected:
   LanguageTables() {
     write_file(folder_.path("mesh.ply"),
@@ -134,6 +135,7 @@ class LanguageTables : public testing::Test {
     std::filesystem::copy_file(folder_.path("map.pgm"), folder_.path("map.png"));
     nanovdb_test::write_small(folder_.path("grid.nvdb"));
     write_file(folder_.path("lens.dat"), "0 1 0 20\n50 2 1.5 30\n-50 47 1 30\n");
+    write_file(folder_.path("table.bsdf"), testing::RglFormula{.thetas = 2, .fine = 3, .coarse = 2}.bytes());
     write_file(folder_.path("table.brdf"), "1 550  0.5 0 0.5 3.14 0.3  0.5 0 0.4 3 0.3  1 0 1 3 0.3");
   }
 

@@ -8,11 +8,12 @@
 #include "scene/named_spectra.h"
 #include "scene/spectrum.h"
 #include "shading/equal_area.h"
+#include "shading_rgl_support.h"
 
 namespace cloudrenderer {
 namespace {
 
-class V4Scenes : public testing::Test {
+class V4Scenes : public ::testing::Test {
  protected:
   V4Scenes() {
     write_file(folder_.path("white.ppm"), "P6\n2 2\n255\n" + std::string(12, '\xff'));
@@ -157,6 +158,31 @@ TEST_F(V4Scenes, SmoothConductorsShowNoLightsWithoutSize) {
     EXPECT_GT(mirrored, 0.8 * 16 * 16 * 3);
     EXPECT_LT(mirrored, 0.99 * 16 * 16 * 3);
   }
+}
+
+TEST_F(V4Scenes, MeasuredMaterialsAreRead) {
+  write_file(folder_.path("matt.bsdf"), testing::RglFormula{.alpha_x = 1, .alpha_y = 1, .diffuse = 1, .gloss = 0, .rgb = true}.bytes());
+  const auto scene = [&](const std::string& material) {
+    return picture(std::string(kView) +
+                       "Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 16 \"string filename\" \"x.exr\"\n"
+                       "Sampler \"zsobol\" \"integer pixelsamples\" 64\nIntegrator \"path\" \"integer maxdepth\" 2\nWorldBegin\n" +
+                       kLamp + "LightSource \"infinite\"\n" + material + kShapes,
+                   Dialect::v4);
+  };
+  const auto measured = scene("Material \"measured\" \"string filename\" \"matt.bsdf\"\n");
+  const auto matt = scene("Material \"diffuse\" \"rgb reflectance\" [.9 .6 .3]\n");
+  EXPECT_EQ(measured.error + measured.warnings, "");
+  ASSERT_EQ(measured.pixels.size(), matt.pixels.size());
+  double sum = 0, difference = 0;
+  for (std::size_t i = 0; i < matt.pixels.size(); ++i) {
+    sum += static_cast<double>(matt.pixels[i]);
+    difference += std::fabs(static_cast<double>(matt.pixels[i] - measured.pixels[i]));
+  }
+  EXPECT_LT(difference, 0.03 * sum);
+  EXPECT_NE(scene("Material \"measured\"\n").error.find("needs a \"string filename\""), std::string::npos);
+  const std::string missing = scene("Material \"measured\"\n  \"string filename\" \"none.bsdf\"\n").error;
+  EXPECT_NE(missing.find("scene.pbrt:10:3: "), std::string::npos) << missing;
+  EXPECT_NE(missing.find("none.bsdf': No such file"), std::string::npos) << missing;
 }
 
 TEST_F(V4Scenes, OptionsAreANameAndAValueOrLikeParameters) {

@@ -13,6 +13,8 @@ cloudrenderer_test(shading_tests LABEL unit SHARDS 4
           ${CMAKE_CURRENT_LIST_DIR}/shading_measured_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_media_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_noise_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/shading_rgl_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/shading_rgl_file_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_subsurface_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_texture_test.cpp
   LINK cr_shading OpenImageIO::OpenImageIO)

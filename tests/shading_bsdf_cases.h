@@ -9,6 +9,7 @@
 #include "shading/subsurface.h"
 #include "shading_fourier_support.h"
 #include "shading_measured_support.h"
+#include "shading_rgl_support.h"
 
 namespace cloudrenderer::testing {
 
@@ -26,11 +27,12 @@ inline Bsdf make_bsdf(const BsdfCase& c, const Vec3& wo, const Frame& frame = Fr
   return b;
 }
 
-inline constexpr int kBsdfKinds = 24;
+inline constexpr int kBsdfKinds = 25;
 
 // A BSDF of a kind with the numbers that `u` gives, each in [0, 1).
-//   Not reciprocal are refraction (it compresses radiance), tables (only at the nodes of their splines), and hair (its lobes
-// are weighed by one of the two directions, and the scales tilt them).
+//   Not reciprocal are refraction (it compresses radiance), tables (fourier only at the nodes of its splines; the RGL's have
+// other errors between the angles of one direction than of the other), and hair (its lobes are weighed by one of the two
+// directions, and the scales tilt them).
 //   More than what arrives may come from Blinn's distribution (V-grooves mask too little near grazing angles), fresnel_blend
 // (gloss is not masked at all), disney (retro-reflection and sheen are added to a full diffuse term) and tilted hair. What
 // the two lobes of TranslucentV3 refract and scatter is not told apart by the sample's index.
@@ -44,6 +46,8 @@ BsdfCase random_case(int kind, Random&& u) {
   const float index = 1.05f + u();
   static const MeasuredReflectance flat = formula(0.6f, 0.f, 1.f), satin = formula(0.3f, 0.4f, 20.f);
   static const auto layered = fourier_table({.albedo = 0.9f, .through = 0.3f}), colored = fourier_table({.channels = 3});
+  static const auto brushed = rgl_table({.alpha_x = 0.1, .alpha_y = 0.4, .phis = 9, .folds = 2});
+  static const auto lacquer = rgl_table({.alpha_x = 0.2, .alpha_y = 0.2, .diffuse = 0.4, .gloss = 0.5});
   switch (kind) {
     case 0:
       return {"Lambert", {lambert(kd), lambert(Rgb(1.f) - kd, true)}};
@@ -96,6 +100,8 @@ BsdfCase random_case(int kind, Random&& u) {
       return {"Coated", {coated_lambert(kd / (index * index), index), specular_reflection(Rgb(1.f), dielectric_one_sided(index))}, true, false};
     case 22:
       return {"DiffuseExit", {diffuse_exit(index)}, false};
+    case 23:
+      return {"Rgl", {measured(u() < 0.5f ? *brushed : *lacquer)}, false};
     default:
       return {"HairTilted", {hair({2.f * u() - 1.f, index, color(2.f), rough(), rough(), 4.f * u()})}, false, false};
   }

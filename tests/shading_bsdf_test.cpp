@@ -25,6 +25,8 @@ std::vector<BsdfCase> cases() {
                                    shiny = testing::formula(0.1f, 0.5f, 100.f);
   static const auto layered = testing::fourier_table({.albedo = 0.9f, .through = 0.3f}),
                     peaked = testing::fourier_table({.peak = 0.6f, .channels = 3});
+  static const auto brushed = testing::rgl_table({.alpha_x = 0.1, .alpha_y = 0.4, .phis = 9, .folds = 2});
+  static const auto lacquer = testing::rgl_table({.alpha_x = 0.2, .alpha_y = 0.2, .diffuse = 0.4, .gloss = 0.5});
   const Rgb sigma(0.1f, 0.4f, 1.2f);
   const FresnelTerm plastic_v2 = dielectric_one_sided(1.f / 1.5f),
                     plastic_v3 = dielectric(1.f / 1.5f);
@@ -77,6 +79,9 @@ std::vector<BsdfCase> cases() {
       {"FourierLayered", {fourier(*layered)}, false},
       {"FourierPeaked", {fourier(*peaked)}, false},
       {"FourierMixed", {fourier(*layered), lambert(Rgb(0.05f)), specular_reflection(Rgb(0.03f), no_fresnel())}, false},
+      {"RglBrushed", {measured(*brushed)}, false},
+      {"RglLacquer", {measured(*lacquer)}, false},
+      {"RglMixed", {lambert(Rgb(0.1f)), measured(*brushed)}, false},
       {"DisneyDiffuse", {disney_diffuse(DisneyDiffuse{Rgb(0.5f), 0.7f, 0.3f, 0.5f, Rgb(0.2f)})}},
       {"DisneyGloss",
        {microfacet(Rgb(1.f), separable(trowbridge_reitz(0.4f, 0.1f)), disney_fresnel(Rgb(0.5f), 0.7f, 1.5f))}},

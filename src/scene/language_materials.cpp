@@ -40,7 +40,7 @@ constexpr LanguageRow kRows[] = {
     {"Material", "diffusetransmission", kInV4, kDone, "spectrum reflectance, spectrum transmittance, float scale, " DISPLACED, ""},
     {"Material", "hair", kInV4, kDone, "spectrum sigma_a, spectrum reflectance, float eumelanin, float pheomelanin, float eta, float beta_m, float beta_n, float alpha", ""},
     {"Material", "interface", kInV4, kDone, "", "the surface is passed through; so is \"\""},
-    {"Material", "measured", kInV4, kMissing, "string filename, " DISPLACED, "grey matte"},
+    {"Material", "measured", kInV4, kDone, "string filename, " DISPLACED, "files of the RGL database, with spectra or rgb; spectra become RGB in the light of D65"},
     {"Material", "mix", kInV4, kDone, "string materials, float amount", "weighted, not chosen by chance"},
     {"Material", "subsurface", kInV4, kDone, "string name, spectrum sigma_a, spectrum sigma_s, spectrum reflectance, spectrum mfp, float scale, float eta, float g, " ROUGH ", " DISPLACED, "a random walk through the medium inside"},
     {"Material", "thindielectric", kInV4, kDone, "spectrum eta, " DISPLACED, ""},

@@ -90,9 +90,7 @@ void V4Translator::material(Entity& e) const {
   } else if (e.type == "hair") {
     p.rename("reflectance", "color");
   } else if (e.type == "measured") {
-    warn_(e.location, "measured materials of pbrt-v4 are not supported: grey matte is used");
-    p.take("filename");
-    e.type = "matte";
+    p.rename("filename", "bsdffile");  // v2's has another format
   } else if (e.type == "subsurface") {
     if (p.has("reflectance")) {
       e.type = "kdsubsurface";

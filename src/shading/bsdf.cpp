@@ -245,8 +245,7 @@ Rgb rough_dielectric(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half<f
     if (!(wo.z * wi.z > 0.f)) pdf = 0.f;
     return value;
   }
-  pdf = l.table->pdf(wo, wi);
-  return l.scale * l.table->value(wo, wi);
+  return l.scale * l.table->value_and_pdf(wo, wi, pdf);
 }
 
 // All diffuse parts of the disney material.

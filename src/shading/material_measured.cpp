@@ -6,16 +6,16 @@
 namespace cloudrenderer {
 namespace {
 
-// pbrt-v2's "measured": a table of reflectances from a file.
+// "measured" of pbrt-v2 and v4: a table of reflectances from a file.
 class Measured final : public Material {
  public:
-  explicit Measured(const MeasuredReflectance& reflectance) : reflectance_(reflectance) {}
+  explicit Measured(const ScatteringTable& reflectance) : reflectance_(reflectance) {}
   void add_lobes(const TexturePoint&, LobeSink& out) const override {
     out.add(bsdf::measured(reflectance_));
   }
 
  private:
-  const MeasuredReflectance& reflectance_;  // the MeasuredStore's
+  const ScatteringTable& reflectance_;  // the MeasuredStore's
 };
 
 // pbrt-v3's "fourier": both sides from a file. Without one it is black, as in pbrt-v3.
@@ -45,6 +45,11 @@ std::unique_ptr<Material> make_fourier(MaterialInputs& in) {
 }
 
 std::unique_ptr<Material> make_measured(MaterialInputs& in) {
+  if (const Param* rgl = in.params.params().find("bsdffile")) {  // pbrt-v4's
+    const RglTable& table = *in.measured.get_rgl(in.params.params().string("bsdffile", ""), rgl->location);
+    in.tangents = !table.isotropic();
+    return std::make_unique<Measured>(table);
+  }
   const std::string path = in.params.params().string("filename", "");
   if (path.empty())
     throw SceneError(in.params.location(), "the measured material needs a \"string filename\"");

@@ -168,4 +168,13 @@ const ScatteringTable* MeasuredStore::get_fourier(const std::string& path, const
   return slot.get();
 }
 
+const RglTable* MeasuredStore::get_rgl(const std::string& path, const FileLocation& where) {
+  auto& slot = rgl_[path];
+  if (!slot) {
+    slot = RglTable::read(path, where);
+    bytes_ += slot->bytes();
+  }
+  return slot.get();
+}
+
 }  // namespace cloudrenderer

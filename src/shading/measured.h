@@ -12,6 +12,7 @@
 #include "base/sampling.h"
 #include "cloudrenderer/math.h"
 #include "scene/description.h"
+#include "shading/rgl_table.h"
 #include "shading/scattering_table.h"
 
 namespace cloudrenderer {
@@ -72,11 +73,13 @@ class MeasuredStore {
   const MeasuredReflectance* get(const std::string& path, Dialect dialect,
                                  const FileLocation& where);
   const ScatteringTable* get_fourier(const std::string& path, const FileLocation& where);
+  const RglTable* get_rgl(const std::string& path, const FileLocation& where);
   std::uint64_t bytes() const { return bytes_; }
 
  private:
   std::map<std::string, std::unique_ptr<const MeasuredReflectance>> files_;
   std::map<std::string, std::unique_ptr<const ScatteringTable>> fourier_;
+  std::map<std::string, std::unique_ptr<const RglTable>> rgl_;
   std::uint64_t bytes_ = 0;
 };
 

@@ -1,4 +1,6 @@
 """The picture does not depend on the cluster: the same bits for any number of hosts and threads, and any split."""
+import pathlib
+
 import moving_scene
 import numpy as np
 import support
@@ -104,6 +106,31 @@ WorldEnd
         found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
         self.assertGreater(found["rays"]["moved"], 0)
         self.assertGreater(found["rays"]["shadow_asked"], 0)
+
+    def test_tables_of_the_rgl(self):
+        table = pathlib.Path(__file__).parents[1] / "fuzz" / "corpus" / "rgl" / "spectra"
+        ball = """Shape "loopsubdiv" "integer levels" 5 "integer indices" [0 2 4 2 1 4 1 3 4 3 0 4 2 0 5 1 2 5 3 1 5 0 3 5]
+  "point3 P" [1.6 0 0 -1.6 0 0 0 1.6 0 0 -1.6 0 0 0 1.6 0 0 -1.6]"""
+        scene = self.folder / "rgl.pbrt"
+        scene.write_text(f"""
+LookAt 0 -5 2  0 0 0  0 0 1
+Camera "perspective" "float fov" 45
+Film "rgb" "string filename" "x.exr"
+Integrator "path" "integer maxdepth" 4
+WorldBegin
+LightSource "infinite" "rgb L" [.3 .4 .6]
+LightSource "point" "rgb I" [20 18 15] "point3 from" [2 -3 2]
+Material "measured" "string filename" "{table}"
+{ball}
+Translate 1.5 0 0
+{ball}
+""")
+        small = ("--part-size", "100KiB")
+        wanted, report = self.render("one", scene, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
+        self.assertGreater(float(np.std(wanted)), 0)
+        share = int(report["hosts"][0]["memory_peak"] * 0.65)
+        found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
+        self.assertGreater(found["rays"]["moved"], 0)
 
     def test_another_seed_is_another_picture(self):
         a, _ = self.render("a", support.SCENE, "--spp", 2, "--resolution", "40x40")

@@ -11,6 +11,7 @@
 #include "net/handshake.h"
 #include "parts/part_builder.h"
 #include "scene/scene_codec.h"
+#include "shading_rgl_support.h"
 #include "tasks/checkpoint.h"
 #include "wire_support.h"
 
@@ -452,6 +453,12 @@ void add_checkpoint(Corpus& corpus) {
   corpus.add("checkpoint", "records", std::span<const std::byte>(bytes));
 }
 
+void add_tables(Corpus& corpus) {
+  using testing::RglFormula;
+  corpus.add("rgl", "spectra", RglFormula{.thetas = 2, .fine = 3, .coarse = 2, .wavelengths = {400, 600}}.bytes());
+  corpus.add("rgl", "rgb", RglFormula{.alpha_x = 0.1, .thetas = 1, .phis = 3, .folds = 4, .fine = 3, .coarse = 2, .rgb = true}.bytes());
+}
+
 }  // namespace
 }  // namespace cloudrenderer
 
@@ -468,5 +475,6 @@ int main(int argc, char** argv) {
   add_ply(corpus);
   add_parts(corpus);
   add_checkpoint(corpus);
+  add_tables(corpus);
   return 0;
 }

@@ -22,6 +22,8 @@ std::vector<DensityCase> cases() {
   const FresnelTerm metal = conductor(eta, k);
   static const MeasuredReflectance satin = testing::formula(0.3f, 0.4f, 20.f);
   static const auto layered = testing::fourier_table({.albedo = 0.9f, .through = 0.3f});
+  static const auto brushed = testing::rgl_table({.alpha_x = 0.1, .alpha_y = 0.4, .phis = 9, .folds = 2});
+  static const auto lacquer = testing::rgl_table({.alpha_x = 0.2, .alpha_y = 0.2, .diffuse = 0.4, .gloss = 0.5});
   return {
       {{"Lambert", {lambert(Rgb(0.7f))}}},
       {{"Oren and Nayar", {oren_nayar(Rgb(0.7f), 30.f)}}},
@@ -45,6 +47,8 @@ std::vector<DensityCase> cases() {
       {{"measured", {measured(satin)}}},
       // Where its series falls below 0 it counts as 0, so that the rest is a little more than 1.
       {{"fourier", {fourier(*layered)}}, 1e-2, 2e-4, Kind::limit},
+      {{"brushed metal of the RGL's format", {measured(*brushed)}}},
+      {{"lacquer of the RGL's format", {measured(*lacquer)}}},
       {{"hair", {hair({0.3f, 1.55f, sigma, 0.3f, 0.3f, 2.f})}}},
       {{"hair, roughness 0.1", {hair({0.7f, 1.55f, sigma, 0.1f, 0.1f, 0.f})}}},
   };
