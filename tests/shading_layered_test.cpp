@@ -40,6 +40,7 @@ std::vector<LayerCase> cases() {
       {"SmoothScatteringOverDiffuse", coat(1.5f, 0.f, 0.f, 0.7f, milk, 0.4f), diffuse(color)},
       {"RoughScatteringOverDiffuse", coat(1.33f, 0.3f, 0.3f, 2.f, milk, -0.3f), diffuse(color)},
       {"SmoothOverRoughMetal", coat(1.5f, 0.f, 0.f, 0.1f), metal(0.3f, 0.3f)},
+      {"SmoothOverSatinMetal", coat(1.5f, 0.f, 0.f, 0.01f), metal(0.05f, 0.1f)},
       {"RoughOverRoughMetal", coat(1.5f, 0.3f, 0.15f, 0.01f), metal(0.2f, 0.4f)},
       {"RoughOverMirror", coat(1.5f, 0.4f, 0.4f, 0.05f), metal(0.f, 0.f)},
       {"ScatteringOverRoughMetal", coat(1.5f, 0.2f, 0.2f, 0.5f, milk, 0.6f), metal(0.2f, 0.2f)},
@@ -163,7 +164,7 @@ TEST(Layered, WhiteLayersReflectAllThatArrives) {
       {coated_diffuse(smooth, white, internal(smooth)), 0.005}, {coated_diffuse(milk, white, internal(milk)), 0.005},
       {coated_diffuse(thick, white, internal(thick)), 0.005},   {coated_diffuse(satin, white, internal(satin)), 0.005},
       {coated_conductor(smooth, Rgb(1.f), much, 0.f, 0.f), 0.005}, {coated_conductor(milk, Rgb(1.f), much, 0.f, 0.f), 0.005},
-      {coated_conductor(smooth, Rgb(1.f), much, 0.05f, 0.05f), 0.03}};
+      {coated_conductor(smooth, Rgb(1.f), much, 0.01f, 0.01f), 0.005}};
   for (std::size_t i = 0; i < white_layers.size(); ++i)
     for (const float z : {0.95f, 0.5f}) {
       const Vec3 wo = polar(z, 1.f);

@@ -37,29 +37,36 @@ Lobe surface(const Coat& c) {
 }
 
 // How the light that comes out again is sampled: in part by the cosine, else by a microfacet lobe as wide as the two rough
-// layers make it together.
+// layers make it together, which a smooth coat of this index bends.
 struct Proposal {
   Lobe facets;
+  float index;
   float cosine;  // chance
 };
 
-// A facet of the coat tilted by a small angle x turns light inside by (1 - 1/eta) x, which is (eta - 1) x outside, and
-// does so on both ways; one of the base tilted by x turns it outside by 2 eta x. A half vector turns by half of that.
+// A facet of the coat tilted by a small angle x turns light inside by (1 - 1/eta) x, on both ways; one of the base turns it by
+// 2 x. A half vector turns by half of that, and outside by eta times as much. Of a wide lobe inside the coat much is kept by
+// total reflection: it is taken for one outside, which is true near the normal only.
 Proposal proposal(const Slab& s) {
-  if (s.diffuse()) return {{}, 1.f};
-  const float bend = (s.eta - 1.f) * (s.eta - 1.f) * 0.5f;
+  if (s.diffuse()) return {{}, 1.f, 1.f};
+  constexpr float kNarrow = 0.15f;
+  const float bend = (1.f - 1.f / s.eta) * (1.f - 1.f / s.eta) * 0.5f;
   float extra = 0.f, cosine = 0.3f;
   if (s.scatters) {
     cosine += 0.4f * (1.f - attenuation(2.f * s.thickness, 1.f));
-    if (!s.rough && s.mirror()) extra = 1.f - std::fabs(s.g);  // all that this lobe has comes from the medium
+    if (!s.rough && s.mirror()) extra = (1.f - std::fabs(s.g)) / s.eta;  // all that this lobe has comes from the medium
   }
   const auto width = [&](float coat, float base) {
-    const float inner = s.eta * base, outer = s.rough ? coat : 0.f;
-    return std::min(std::sqrt(inner * inner + bend * outer * outer + extra * extra), 1.f);
+    const float outer = s.rough ? coat : 0.f;
+    return std::sqrt(base * base + bend * outer * outer + extra * extra);
   };
   const float x = width(s.coat.alpha_x, s.base.alpha_x), y = width(s.coat.alpha_y, s.base.alpha_y);
-  return {microfacet(Rgb(1.f), trowbridge_reitz(x, y), no_fresnel()), cosine};
+  const float index = std::max(x, y) < kNarrow ? s.eta : 1.f, scale = s.eta / index;
+  return {microfacet(Rgb(1.f), trowbridge_reitz(std::min(scale * x, 1.f), std::min(scale * y, 1.f)), no_fresnel()), index, cosine};
 }
+
+// A direction outside, still upwards; z is made positive.
+Vec3 bent(const Vec3& w, float index) { return {w.x / index, w.y / index, refracted_cosine(std::fabs(w.z), index)}; }
 
 }  // namespace
 
@@ -127,10 +134,11 @@ Rgb coated_mirror(const Lobe& l, float c) {
 
 float layered_density(const Lobe& l, const Vec3& wo, const Vec3& wi) {
   const Proposal p = proposal(Slab(l));
-  const float co = std::fabs(wo.z), ci = std::fabs(wi.z), cosine = p.cosine * ci * kInvPi;
+  const float ci = std::fabs(wi.z), cosine = p.cosine * ci * kInvPi;
   if (p.cosine == 1.f) return cosine;
-  const Vec3 o(wo.x, wo.y, co), wh = o + Vec3(wi.x, wi.y, ci);
-  return cosine + (1.f - p.cosine) * normal_density(p.facets, wh / glm::length(wh)) * 0.5f / (co + smith_root(p.facets, o));
+  const Vec3 o = bent(wo, p.index), i = bent(wi, p.index), wh = o + i;
+  const float inside = normal_density(p.facets, wh / glm::length(wh)) * 0.5f / (o.z + smith_root(p.facets, o));
+  return cosine + (1.f - p.cosine) * inside * ci / (p.index * p.index * i.z);
 }
 
 bool sample_layered(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3& wi) {
@@ -138,8 +146,11 @@ bool sample_layered(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3
   if (u < p.cosine) {
     wi = sample_cosine(u2);
   } else {
-    const Vec3 o(wo.x, wo.y, std::fabs(wo.z)), wh = sample_visible_normal(p.facets, o, u2);
-    wi = 2.f * glm::dot(o, wh) * wh - o;
+    const Vec3 o = bent(wo, p.index), wh = sample_visible_normal(p.facets, o, u2), i = 2.f * glm::dot(o, wh) * wh - o;
+    wi = {i.x * p.index, i.y * p.index, 0.f};
+    const float z2 = 1.f - sine2(wi);
+    if (!(i.z > 0.f) || !(z2 > 0.f)) return false;  // kept inside
+    wi.z = std::sqrt(z2);
   }
   const bool above = wi.z > 0.f;
   if (wo.z < 0.f) wi.z = -wi.z;

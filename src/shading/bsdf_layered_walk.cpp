@@ -135,6 +135,19 @@ Rgb reflect_below(const Slab& s, Vec3& w, const Vec2& u, float& density) {
 
 float largest(const Rgb& c) { return std::max(c.x, std::max(c.y, c.z)); }
 
+// Light that leaves the base, is mirrored by a smooth coat, and leaves the base again towards `up`: the direction between
+// the two is drawn for the second one, where the walk draws it for the first one. Of two glossy reflections either may be the
+// one that bends much, and a walk that has to hit the peak of the second one rarely does.
+Rgb mirrored_once(const Slab& s, const Vec3& down, const Vec3& up, const Vec2& u) {
+  Vec3 v = -up;
+  float density, other;
+  const Rgb last = reflect_below(s, v, u, density);
+  if (!(largest(last) > 0.f) || !(v.z > 0.f)) return Rgb(0.f);
+  const Rgb first = base_value(s, down, {-v.x, -v.y, v.z}, other);
+  const float way = attenuation(s.thickness, v.z);
+  return first * last * (way * way * fresnel_dielectric(v.z, 1.f / s.eta) * share(density, other) * up.z / v.z);
+}
+
 // One walk from wo, each event of which is joined to wi.
 Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
   const Entry first = enter(s, wo, random.two());
@@ -144,7 +157,7 @@ Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
   const float exit = last.weight / (s.eta * s.eta * up.z);
   const float exit_density = !s.rough || exit == 0.f ? kCertain : cross(s, wi, last.direction).density;
   // Between two mirrors light that has been scattered may leave at once, or by way of the base, each after any number of rounds.
-  const bool mirrors = s.mirror() && !s.rough;
+  const bool mirrors = s.mirror() && !s.rough, glossy = !s.diffuse() && !s.mirror() && !s.rough;
   Rgb rounds(1.f), by_base(0.f);
   if (mirrors && exit > 0.f) {
     const float once = attenuation(s.thickness, up.z);
@@ -155,6 +168,7 @@ Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
   Rgb sum(0.f), beta(first.weight);
   Vec3 w = first.direction;
   float density = 0.f;         // with which w has been sampled by the last event that spreads light
+  bool from_base = false;      // that was the base
   float height = s.thickness;  // above the base
   for (int event = 0; event < kMostEvents; ++event) {
     const bool down = w.z < 0.f;
@@ -175,15 +189,25 @@ Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
       const Vec3 back = -w;
       w = sample_phase_hg(back, s.g, random.two());
       density = phase_hg(back, w, s.g);
+      from_base = false;
       if (w.z == 0.f) return sum;
     } else if (down) {
       height = 0.f;
       if (exit > 0.f && !s.mirror()) {
         float other;
-        const Rgb value = base_value(s, w, up, other);
-        sum += beta * value * (share(exit_density, other) * attenuation(s.thickness, up.z) * exit);
+        Rgb value = base_value(s, w, up, other);
+        value *= share(exit_density, other);
+        if (glossy) {
+          if (from_base) {
+            base_value(s, -up, -w, other);
+            value *= share(density, other);
+          }
+          value += mirrored_once(s, w, up, random.two());
+        }
+        sum += beta * value * (attenuation(s.thickness, up.z) * exit);
       }
       beta *= reflect_below(s, w, random.two(), density);
+      from_base = true;
     } else {
       height = s.thickness;
       if (s.rough) {
