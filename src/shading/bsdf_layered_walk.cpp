@@ -157,7 +157,9 @@ Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
   const float exit = last.weight / (s.eta * s.eta * up.z);
   const float exit_density = !s.rough || exit == 0.f ? kCertain : cross(s, wi, last.direction).density;
   // Between two mirrors light that has been scattered may leave at once, or by way of the base, each after any number of rounds.
-  const bool mirrors = s.mirror() && !s.rough, glossy = !s.diffuse() && !s.mirror() && !s.rough;
+  const bool mirrors = s.mirror() && !s.rough;
+  constexpr float kWide = 0.25f;  // less than this has peaks that are worth another sample
+  const bool glossy = !s.rough && !s.diffuse() && !s.mirror() && std::min(s.base.alpha_x, s.base.alpha_y) < kWide;
   Rgb rounds(1.f), by_base(0.f);
   if (mirrors && exit > 0.f) {
     const float once = attenuation(s.thickness, up.z);

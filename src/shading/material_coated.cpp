@@ -27,7 +27,7 @@ class CoatInputs {
     }
     c.thickness = thickness(at);
     c.albedo = glm::clamp(albedo_(at), 0.f, 1.f);
-    c.g = std::clamp(g_(at), -0.99f, 0.99f);
+    c.g = bounded(g_(at), -0.99f, 0.99f);
     c.walks = walks_;
     return c;
   }
@@ -37,8 +37,9 @@ class CoatInputs {
  private:
   static constexpr int kMostWalks = 64;
 
-  float eta(const TexturePoint& at) const { return std::clamp(eta_(at), 1.f, 10.f); }
-  float thickness(const TexturePoint& at) const { return std::clamp(thickness_(at), 0.f, 1e4f); }
+  static float bounded(float x, float least, float most) { return x >= least ? std::min(x, most) : least; }  // also no number
+  float eta(const TexturePoint& at) const { return bounded(eta_(at), 1.f, 10.f); }
+  float thickness(const TexturePoint& at) const { return bounded(thickness_(at), 0.f, 1e4f); }
 
   TexturedFloat eta_, thickness_, g_;
   TexturedRgb albedo_;
