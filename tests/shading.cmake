@@ -4,6 +4,7 @@ cloudrenderer_test(shading_tests LABEL unit SHARDS 4
           ${CMAKE_CURRENT_LIST_DIR}/shading_eight_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_fourier_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_hair_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/shading_layered_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_choice_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_distribution_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_map_test.cpp

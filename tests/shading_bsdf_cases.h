@@ -5,6 +5,7 @@
 
 #include "shading/bsdf_disney.h"
 #include "shading/bsdf_hair.h"
+#include "shading/bsdf_layered.h"
 #include "shading/bsdf_lobes.h"
 #include "shading/subsurface.h"
 #include "shading_fourier_support.h"
@@ -18,6 +19,7 @@ struct BsdfCase {
   std::vector<Lobe> lobes;
   bool reciprocal = true;
   bool conserves = true;  // scatters at most what arrives
+  bool estimated = false;  // the value has noise: in the last bit of a direction begins another estimate
 };
 
 inline Bsdf make_bsdf(const BsdfCase& c, const Vec3& wo, const Frame& frame = Frame()) {
@@ -27,7 +29,7 @@ inline Bsdf make_bsdf(const BsdfCase& c, const Vec3& wo, const Frame& frame = Fr
   return b;
 }
 
-inline constexpr int kBsdfKinds = 25;
+inline constexpr int kBsdfKinds = 27;
 
 // A BSDF of a kind with the numbers that `u` gives, each in [0, 1).
 //   Not reciprocal are refraction (it compresses radiance), tables (fourier only at the nodes of its splines; the RGL's have
@@ -102,8 +104,15 @@ BsdfCase random_case(int kind, Random&& u) {
       return {"DiffuseExit", {diffuse_exit(index)}, false};
     case 23:
       return {"Rgl", {measured(u() < 0.5f ? *brushed : *lacquer)}, false};
-    default:
+    case 24:
       return {"HairTilted", {hair({2.f * u() - 1.f, index, color(2.f), rough(), rough(), 4.f * u()})}, false, false};
+    default: {  // few samples do not see the tail of a walk's weights
+      const bool smooth = u() < 0.3f, mirror = u() < 0.3f, clear = u() < 0.3f;
+      Coat coat{index, smooth ? 0.f : rough(), smooth ? 0.f : rough(), 3.f * u() * u(), clear ? Rgb(0.f) : color(), 1.9f * u() - 0.95f, 1};
+      const Layers layers = kind == 25 ? coated_diffuse(coat, kd, coat_internal(coat.eta, coat.thickness))
+                                       : coated_conductor(coat, eta, k, mirror ? 0.f : rough(), mirror ? 0.f : rough());
+      return {kind == 25 ? "CoatedDiffuse" : "CoatedConductor", {layers.all().begin(), layers.all().end()}, false, false, true};
+    }
   }
 }
 

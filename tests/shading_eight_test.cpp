@@ -50,7 +50,7 @@ std::vector<Lobe> lobes(std::size_t kind, float x) {
     case 11:
       return {thin_dielectric(1.2f + x), microfacet(color, trowbridge_reitz(0.1f, 0.1f), no_fresnel())};
     case 12:
-      return {coated_lambert(color, 1.1f + x), specular_reflection(Rgb(x), dielectric(1.5f))};
+      return {coated_lambert(color, 1.1f + x, 0.5f * x), specular_reflection(Rgb(x), dielectric(1.5f))};
     default:
       return {fresnel_blend(color, Rgb(x), blinn_anisotropic(0.1f, 0.01f + x)), lambert(color), microfacet(color, blinn(0.1f), no_fresnel())};
   }

@@ -145,7 +145,7 @@ TEST(Materials, V2PlasticHasTheValueOfTheBook) {
 }
 
 TEST(Materials, AWhiteSurfaceUnderASmoothCoatReflectsAllThatArrives) {
-  const Built b({material("coateddiffuse", {rgb_param("reflectance", Rgb(1.f))})}, Dialect::v3);
+  const Built b({material("coateddiffuse", {rgb_param("reflectance", Rgb(1.f)), real_param("thickness", 0.f)})}, Dialect::v3);
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(0.f, 1.f);
   for (const float cosine : {1.f, 0.7f, 0.4f, 0.15f}) {
@@ -158,6 +158,37 @@ TEST(Materials, AWhiteSurfaceUnderASmoothCoatReflectsAllThatArrives) {
       if (bsdf.sample(wo, u(random), {u(random), u(random)}, s)) sum += static_cast<double>(s.weight.y);
     }
     EXPECT_NEAR(sum / kSamples, 1, 0.004) << "cosine " << cosine << ", seed 11";
+  }
+}
+
+TEST(Materials, CoatsAreLayersWhereTheyHaveNoFormula) {
+  const auto of = [](const char* type, std::initializer_list<Param> params) { return Built({material(type, params)}, Dialect::v3); };
+  EXPECT_EQ(kinds(of("coateddiffuse", {}).at()), (std::vector<K>{K::coated_lambert, K::specular_reflection}));
+  EXPECT_EQ(kinds(of("coateddiffuse", {rgb_param("albedo", Rgb(0.5f))}).at()), (std::vector<K>{K::specular_reflection, K::layered}));
+  EXPECT_EQ(kinds(of("coatedconductor", {string_param("roughnessmap", "sqrt")}).at()), (std::vector<K>{K::specular_reflection}));
+  EXPECT_EQ(kinds(of("coatedconductor", {string_param("roughnessmap", "sqrt"), real_param("conductor.uroughness", 0.1f),
+                                         real_param("conductor.vroughness", 0.1f)}).at()),
+            (std::vector<K>{K::specular_reflection, K::layered}));
+  const Built rough = of("coateddiffuse", {string_param("roughnessmap", "sqrt"), real_param("uroughness", 0.1f), real_param("vroughness", 0.3f)});
+  const Bsdf b = rough.at();
+  ASSERT_EQ(kinds(b), (std::vector<K>{K::microfacet, K::layered}));
+  EXPECT_FLOAT_EQ(b.lobe(0).alpha_x, std::sqrt(0.1f));
+  EXPECT_FLOAT_EQ(b.lobe(0).alpha_y, std::sqrt(0.3f));
+  // Smooth ones are shaded eight at once.
+  EXPECT_NE(of("coateddiffuse", {}).shading->kind(0), 0u);
+  EXPECT_EQ(rough.shading->kind(0), 0u);
+}
+
+TEST(Materials, EstimatesDifferFromPointToPoint) {
+  const Vec3 wo = glm::normalize(Vec3(0.3f, 0.1f, 0.9f)), wi = glm::normalize(Vec3(-0.2f, 0.5f, 0.7f));
+  const MaterialDesc coated = material("coateddiffuse", {string_param("roughnessmap", "sqrt"), real_param("uroughness", 0.3f), real_param("vroughness", 0.3f)});
+  const Built alone({coated}, Dialect::v3);
+  const Built mixed({material("matte"), coated, material("mix", {string_param("namedmaterial1", "0"), string_param("namedmaterial2", "1")})}, Dialect::v3);
+  SurfacePoint here = plane(), there = plane();
+  there.p.x = 1.f;
+  for (const Built* b : {&alone, &mixed}) {
+    EXPECT_EQ(b->at(here, wo).eval(wo, wi), b->at(here, wo).eval(wo, wi));
+    EXPECT_NE(b->at(here, wo).eval(wo, wi), b->at(there, wo).eval(wo, wi));
   }
 }
 

@@ -200,7 +200,7 @@ class PbrtText:
         if isinstance(k, standins.Picture):
             k.file = f"textures/v4-{len(self.textures)}.exr"
             write_exr(self.folder / k.file, k.pixels)
-        return "coateddiffuse" + self.value("reflectance", k) + f' "float eta" [ {eta:.9g} ]'
+        return "coateddiffuse" + self.value("reflectance", k) + f' "float eta" [ {eta:.9g} ] "float thickness" [ 0 ]'
 
     def light(self, number, light):
         point = "point3" if self.version == "v4" else "point"

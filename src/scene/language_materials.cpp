@@ -5,7 +5,6 @@ namespace cloudrenderer {
 namespace {
 
 constexpr auto kDone = LanguageState::done;
-constexpr auto kNear = LanguageState::approximated;
 constexpr auto kMissing = LanguageState::missing;
 constexpr unsigned kV23 = kInV2 | kInV3;
 
@@ -32,8 +31,8 @@ constexpr LanguageRow kRows[] = {
     {"Material", "translucent", kV23, kDone, "spectrum Kd, spectrum Ks, spectrum reflect, spectrum transmit, float roughness, bool remaproughness@v3, float bumpmap", ""},
     {"Material", "uber", kV23, kDone, "spectrum Kd, spectrum Ks, spectrum Kr, spectrum Kt, spectrum opacity, float roughness, float uroughness@v3, float vroughness@v3, bool remaproughness@v3, float index, float eta@v3, float bumpmap", ""},
     // pbrt-v4
-    {"Material", "coatedconductor", kInV4, kNear, "~float interface.roughness, ~float interface.uroughness, ~float interface.vroughness, ~spectrum interface.eta, ~float thickness, spectrum conductor.eta, spectrum conductor.k, spectrum reflectance, float conductor.roughness, float conductor.uroughness, float conductor.vroughness, bool remaproughness, ~integer maxdepth, ~integer nsamples, ~float g, ~spectrum albedo, " DISPLACED, "the conductor without its coat"},
-    {"Material", "coateddiffuse", kInV4, kNear, "spectrum reflectance, " ROUGH ", spectrum eta, ~float thickness, ~integer maxdepth, ~integer nsamples, ~float g, ~spectrum albedo, " DISPLACED, "a dielectric coat over diffuse; no absorption or scattering in the coat"},
+    {"Material", "coatedconductor", kInV4, kDone, "float interface.roughness, float interface.uroughness, float interface.vroughness, spectrum interface.eta, float thickness, spectrum conductor.eta, spectrum conductor.k, spectrum reflectance, float conductor.roughness, float conductor.uroughness, float conductor.vroughness, bool remaproughness, ~integer maxdepth, integer nsamples, float g, spectrum albedo, " DISPLACED, "light between the layers is followed to its end, not to maxdepth; at most 64 walks; spectra become RGB and one index for the coat"},
+    {"Material", "coateddiffuse", kInV4, kDone, "spectrum reflectance, " ROUGH ", spectrum eta, float thickness, ~integer maxdepth, integer nsamples, float g, spectrum albedo, " DISPLACED, "light between the layers is followed to its end, not to maxdepth; at most 64 walks"},
     {"Material", "conductor", kInV4, kDone, "spectrum eta, spectrum k, spectrum reflectance, " ROUGH ", " DISPLACED, "spectra become RGB before the Fresnel terms"},
     {"Material", "dielectric", kInV4, kDone, "spectrum eta, " ROUGH ", " DISPLACED, "no dispersion: spectra become one index"},
     {"Material", "diffuse", kInV4, kDone, "spectrum reflectance, " DISPLACED, ""},

@@ -22,7 +22,7 @@ bool contains(std::span<const std::string_view> words, std::string_view word) {
 // Every material that pbrt-v2 or pbrt-v3 knows.
 constexpr auto kMaterials = std::to_array<std::string_view>(
     {"matte", "plastic", "glass", "uber", "metal", "mirror", "substrate", "translucent", "mix",
-     "none", "", "coateddiffuse", "thindielectric", "fourier", "measured", "shinymetal", "kdsubsurface", "subsurface", "disney",
+     "none", "", "coateddiffuse", "coatedconductor", "thindielectric", "fourier", "measured", "shinymetal", "kdsubsurface", "subsurface", "disney",
      "hair"});
 
 // Parameters that materials have and a shape may override. "filename" and "alpha" mean other things
@@ -74,7 +74,8 @@ constexpr auto kFloatTextureParams = std::to_array<std::string_view>(
     {"roughness", "uroughness", "vroughness", "sigma", "bumpmap", "index", "alpha", "shadowalpha",
      "displacement", "g", "metallic", "anisotropic", "sheen", "clearcoat", "speculartint",
      "sheentint", "clearcoatgloss", "spectrans", "flatness", "difftrans", "eumelanin", "pheomelanin",
-     "beta_m", "beta_n"});
+     "beta_m", "beta_n", "thickness", "interface.eta", "interface.uroughness", "interface.vroughness",
+     "conductor.uroughness", "conductor.vroughness"});
 
 void append_bytes(std::string& key, const void* data, std::size_t bytes) {
   const auto n = static_cast<std::uint64_t>(bytes);

@@ -1,5 +1,7 @@
 #pragma once
 #include <functional>
+#include <initializer_list>
+#include <string>
 
 #include "scene/description.h"
 #include "scene/transforms.h"
@@ -28,8 +30,9 @@ class V4Translator {
 
  private:
   void approximated(const Entity& e, const std::string& as) const;
-  // Both axes of the roughness, which v4 maps to Trowbridge-Reitz widths by a root.
-  void roughness(Entity& e, float otherwise) const;
+  // Both axes of each roughness, which v4 maps to Trowbridge-Reitz widths by a root.
+  void roughness(Entity& e, float otherwise, std::initializer_list<std::string> prefixes = {""}) const;
+  void copper(Entity& e, const std::string& prefix) const;
   void conductor(Entity& e) const;
   void index(Entity& e, const char* name, float otherwise) const;
 

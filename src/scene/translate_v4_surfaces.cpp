@@ -11,14 +11,16 @@ void V4Translator::approximated(const Entity& e, const std::string& as) const {
   warn_(e.location, "\"" + e.type + "\" is approximated: " + as);
 }
 
-void V4Translator::roughness(Entity& e, float otherwise) const {
-  Param both = make_real("roughness", otherwise, e.location);
-  if (auto given = e.params.take("roughness")) both = std::move(*given);
-  for (const char* axis : {"uroughness", "vroughness"}) {
-    if (e.params.has(axis)) continue;
-    Param p = both;
-    p.name = axis;
-    e.params.add(std::move(p));
+void V4Translator::roughness(Entity& e, float otherwise, std::initializer_list<std::string> prefixes) const {
+  for (const std::string& prefix : prefixes) {
+    Param both = make_real("roughness", otherwise, e.location);
+    if (auto given = e.params.take(prefix + "roughness")) both = std::move(*given);
+    for (const char* axis : {"uroughness", "vroughness"}) {
+      if (e.params.has(prefix + axis)) continue;
+      Param p = both;
+      p.name = prefix + axis;
+      e.params.add(std::move(p));
+    }
   }
   const bool remaps = e.params.boolean("remaproughness", true);
   e.params.take("remaproughness");
@@ -29,22 +31,24 @@ void V4Translator::roughness(Entity& e, float otherwise) const {
 void V4Translator::index(Entity& e, const char* name, float otherwise) const {
   auto given = e.params.take(name);
   if (!given) {
-    e.params.add(make_real("eta", otherwise, e.location));
+    e.params.add(make_real(name, otherwise, e.location));
     return;
   }
   if (given->type == ParamType::rgb && given->reals.size() == 3)
-    given = make_real("eta", given->reals[1], given->location);
-  given->name = "eta";
+    given = make_real(name, given->reals[1], given->location);
   e.params.add(std::move(*given));
+}
+
+void V4Translator::copper(Entity& e, const std::string& prefix) const {
+  if (e.params.has("reflectance")) return;
+  for (const char* name : {"eta", "k"})
+    if (!e.params.has(prefix + name))
+      e.params.add(make_rgb(prefix + name, named_spectrum("metal-Cu-" + std::string(name)).value_or(Rgb(1.f)), e.location));
 }
 
 void V4Translator::conductor(Entity& e) const {
   e.type = "metal";
-  if (!e.params.has("reflectance"))
-    for (const char* name : {"eta", "k"})
-      if (!e.params.has(name))
-        e.params.add(make_rgb(
-            name, named_spectrum("metal-Cu-" + std::string(name)).value_or(Rgb(1.f)), e.location));
+  copper(e, "");
   roughness(e, 0.f);
 }
 
@@ -74,19 +78,14 @@ void V4Translator::material(Entity& e) const {
     p.add(make_rgb("Ks", Rgb(0.f), e.location));
     p.take("scale");
   } else if (e.type == "coateddiffuse") {
-    approximated(e, "a dielectric coat over diffuse, the light between them summed up");
-    for (const char* name : {"thickness", "g", "albedo", "maxdepth", "nsamples"}) p.take(name);
+    p.take("maxdepth");  // light between the layers is followed to its end
     index(e, "eta", 1.5f);
     roughness(e, 0.f);
   } else if (e.type == "coatedconductor") {
-    approximated(e, "the conductor without its coat");
-    for (const char* name : {"thickness", "g", "albedo", "maxdepth", "nsamples", "interface.eta",
-                             "interface.roughness", "interface.uroughness",
-                             "interface.vroughness"})
-      p.take(name);
-    for (const char* name : {"eta", "k", "roughness", "uroughness", "vroughness"})
-      p.rename("conductor." + std::string(name), name);
-    conductor(e);
+    p.take("maxdepth");
+    index(e, "interface.eta", 1.5f);
+    copper(e, "conductor.");
+    roughness(e, 0.f, {"interface.", "conductor."});
   } else if (e.type == "hair") {
     p.rename("reflectance", "color");
   } else if (e.type == "measured") {

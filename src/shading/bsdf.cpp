@@ -14,7 +14,8 @@ namespace {
 // What a coat lets through, the same on both sides of the surface.
 template <class F>
 F coat_transmittance(const LobeOf<F>& l, F c) {
-  return 1.f - bsdf::fresnel_dielectric<F>(c, l.eta.x);
+  const F passed = 1.f - bsdf::fresnel_dielectric<F>(c, l.eta.x);
+  return passed * bsdf::attenuation<F>(l.alpha_x, bsdf::refracted_cosine<F>(c, l.eta.x));
 }
 
 using namespace bsdf;  // NOLINT: the formulas of this file
@@ -165,6 +166,8 @@ F albedo_guess(const LobeOf<F>& l, F wo_z, F& mix) {
         return luminance(l.scale) * l.table->albedo(wo_z);
       case LobeKind::hair:
         return luminance(l.scale);
+      case LobeKind::layered:
+        return layered_albedo(l, c);
       case LobeKind::disney_clearcoat:
         return luminance(l.scale) * clearcoat_albedo(c);
       default:
@@ -180,6 +183,7 @@ MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const
   if constexpr (std::is_same_v<F, float>) {
     if (l.kind == LobeKind::measured || l.kind == LobeKind::fourier) return l.table->sample(wo, u, u2, wi);
     if (l.kind == LobeKind::hair) return sample_hair(l, wo, u, u2, wi);
+    if (l.kind == LobeKind::layered) return sample_layered(l, wo, u, u2, wi);
     if (l.kind == LobeKind::disney_clearcoat) return sample_clearcoat(l, wo, u2, wi);
   }
   const F side = lanes::select(wo.z > 0.f, F(1.f), F(-1.f));
@@ -258,7 +262,7 @@ template <class F>
 }  // namespace
 
 bool eight_wide(const Lobe& l) {
-  if (l.kind >= LobeKind::specular_reflection) return true;
+  if (l.kind >= LobeKind::specular_reflection) return l.fresnel != Fresnel::coated_conductor;
   return !l.transmits && (l.kind == LobeKind::lambert || l.kind == LobeKind::oren_nayar ||
                           l.kind == LobeKind::microfacet || l.kind == LobeKind::fresnel_blend ||
                           l.kind == LobeKind::disney_diffuse || l.kind == LobeKind::coated_lambert);
@@ -329,6 +333,13 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
           const Rgb value = rare_value(l, wo, wi, half, p);
           if (reflect || l.transmits) f += value;
           pdf += chance.weight * p;
+        }
+        break;
+      case LobeKind::layered:
+        if constexpr (std::is_same_v<F, float>) {
+          if (grazing) break;
+          if (reflect) f += l.scale * layered_value(l, wo, wi, salt_);
+          if (same) pdf += chance.weight * layered_density(l, wo, wi);
         }
         break;
       default:

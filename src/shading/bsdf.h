@@ -26,6 +26,7 @@ enum class LobeKind : std::uint8_t {
   measured,               // a table of reflectances
   fourier,                // a table of both sides
   hair,                   // Chiang et al. 2016: see bsdf_hair.h
+  layered,                // through a coat and out again: see bsdf_layered.h
   specular_reflection,
   specular_transmission,
   specular_dielectric  // reflection and refraction, chosen by Fresnel
@@ -42,6 +43,7 @@ enum class Fresnel : std::uint8_t {
   dielectric_one_sided,  // pbrt-v2's microfacets: always as if from outside
   conductor,             // exact
   conductor_v2,          // pbrt-v2's approximation
+  coated_conductor,      // under a smooth coat, mirrors only: see bsdf_layered.h
   disney                 // dielectric, by Schlick's approximation as far as metallic
 };
 
@@ -59,12 +61,13 @@ struct LobeOf {
                         // not in pbrt-v2
   Vec3Of<F> scale;      // reflectance (fresnel_blend: diffuse)
   Vec3Of<F> scale2;     // dielectrics: transmittance; fresnel_blend: specular; disney_diffuse: sheen;
-                        // hair: absorption
+                                    // hair: absorption; layered and its coat: see bsdf_layered.cpp
   Vec3Of<F> eta;  // conductors; dielectrics: x = inside over outside, y = 1/x (z: disney's metallic);
             // fresnel_blend: factor over all
   Vec3Of<F> k;  // conductors; disney's Fresnel: reflectance at normal incidence; disney_diffuse, hair: see there
-  F alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, Oren and Nayar's A and B, or hair's tilt
-  F norm;              // of the distribution, precomputed
+  F alpha_x, alpha_y;  // Trowbridge-Reitz widths, Blinn exponents, Oren and Nayar's A and B, or hair's tilt;
+                       // coated_lambert: x = thickness
+  F norm;              // of the distribution, precomputed; coated_conductor: the coat's index
   const ScatteringTable* table;  // measured, fourier; owned by the Shading
 };
 using Lobe = LobeOf<float>;
@@ -117,6 +120,10 @@ class BsdfOf {
   // Sets the lobes' sampling weights for this wo (albedo estimates). Call once after the last lobe.
   void finish(const Vector& wo);
 
+  // Estimates of lobes that have no formula are functions of the directions and this number, which differs from
+  // point to point: pixels that see and are lit along the same directions must not have the same noise.
+  void set_salt(std::uint32_t salt) { salt_ = salt; }
+
   bool empty() const { return count_ == 0; }
   bool has_smooth() const {
     return smooth_;
@@ -154,6 +161,7 @@ class BsdfOf {
     count_ = b.count_;
     smooth_ = b.smooth_;
     half_ = b.half_;
+    salt_ = b.salt_;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
       lobes_[i] = b.lobes_[i];
       chance_[i] = b.chance_[i];
@@ -169,6 +177,7 @@ class BsdfOf {
   int count_ = 0;
   bool smooth_ = false;  // some lobe is not specular
   bool half_ = false;    // some lobe wants the half vector
+  std::uint32_t salt_ = 0;
   std::array<Chance, kMaxLobes> chance_;
   std::array<LobeOf<F>, kMaxLobes> lobes_;
 };

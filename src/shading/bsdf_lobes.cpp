@@ -56,9 +56,10 @@ Lobe lambert(const Rgb& reflectance, bool transmits) {
   return l;
 }
 
-Lobe coated_lambert(const Rgb& scale, float eta) {
+Lobe coated_lambert(const Rgb& scale, float eta, float thickness) {
   Lobe l = make(LobeKind::coated_lambert, scale);
   l.eta = index_pair(eta);
+  l.alpha_x = thickness;
   return l;
 }
 

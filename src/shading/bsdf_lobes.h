@@ -5,8 +5,9 @@
 namespace cloudrenderer::bsdf {
 
 Lobe lambert(const Rgb& reflectance, bool transmits = false);
-// scale / pi times what a smooth dielectric of index eta lets in from one direction and out to the other.
-Lobe coated_lambert(const Rgb& scale, float eta);
+// scale / pi times what a smooth dielectric of index eta lets in from one direction and out to the other;
+// thickness: in mean free paths of a medium in it that absorbs.
+Lobe coated_lambert(const Rgb& scale, float eta, float thickness = 0.f);
 // sigma in degrees; 0 gives a Lambert lobe.
 Lobe oren_nayar(const Rgb& reflectance, float sigma);
 

@@ -5,11 +5,13 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "base/portable_math.h"
 #include "base/sampling.h"
 #include "cloudrenderer/math.h"
 #include "shading/bsdf.h"
+#include "shading/bsdf_layered.h"
 
 namespace cloudrenderer::bsdf {
 
@@ -23,6 +25,12 @@ F fresnel_dielectric(F c, F eta) {
   const F g = lanes::sqrt(lanes::max(0.f, (eta - 1.f) * (eta + 1.f) + c * c)), sum = g + c, difference = g - c;
   const F a = difference / sum, b = (c * sum - 1.f) / (c * difference + 1.f);
   return 0.5f * a * a * (1.f + b * b);
+}
+
+// The cosine of the direction into which a smooth surface refracts one with cosine c; 0 for none.
+template <class F>
+F refracted_cosine(F c, F eta) {
+  return lanes::sqrt(lanes::max(0.f, (eta - 1.f) * (eta + 1.f) + c * c)) / eta;
 }
 
 // Exact, for a metal of index n + i k seen from vacuum; one channel. The refracted wave has the normal component a + i b,
@@ -88,6 +96,9 @@ Vec3Of<F> fresnel(const LobeOf<F>& l, F c, MaskOf<F> outside) {
       return by_channel(l.eta, l.k, [c](F n, F k) { return conductor_channel<F>(c, n, k); });
     case Fresnel::conductor_v2:
       return by_channel(l.eta, l.k, [c](F n, F k) { return conductor_channel_v2<F>(c, n, k); });
+    case Fresnel::coated_conductor:
+      if constexpr (std::is_same_v<F, float>) return coated_mirror(l, c);
+      break;
     case Fresnel::disney: {
       // From inside pbrt-v3 has a negative cosine, for which Schlick's approximation is 1.
       const Vec3Of<F> smooth(fresnel_dielectric<F>(c, lanes::select(outside, l.eta.x, l.eta.y)));
@@ -96,6 +107,23 @@ Vec3Of<F> fresnel(const LobeOf<F>& l, F c, MaskOf<F> outside) {
     }
   }
   return Vec3Of<F>(F(1.f));
+}
+
+// 2^y for y <= 0: 0 below -126.
+template <class F>
+F exp2_near(F y) {
+  using lanes::fma;
+  const MaskOf<F> vanishes = !(y > -126.f);
+  const F whole = lanes::nearbyint(lanes::max(-126.f, y)), r = y - whole, r2 = r * r;
+  const F p = fma(r2 * r2, fma(r, 0.0013390863f, 0.0096760319f),
+                  fma(r2, fma(r, 0.055503571f, 0.24022107f), fma(r, 0.69314719f, 1.f)));
+  const F power = p * lanes::from_bits(lanes::as_unsigned(lanes::to_int(whole) + 127) << 23);
+  return lanes::select(vanishes, F(0.f), power);
+}
+// What passes a medium `depth` mean free paths thick along a direction with cosine c.
+template <class F>
+F attenuation(F depth, F c) {
+  return exp2_near<F>(-1.44269504f * depth / lanes::max(c, 1e-6f));
 }
 
 // (1 - s2)^(e/2) for s2 in [0, 1], that is cos^e from the squared sine: precise near the pole,
@@ -116,13 +144,9 @@ F cosine_power(F s2, F c2, F e) {
   const F high = fma(d2, fma(d, -0.20586188f, 0.21607823f), fma(d, -0.23916988f, 0.28790326f));
   const F log2 = d * fma(d4, fma(d4, 0.12310968f, high), low);
   const F y = 0.5f * e * (lanes::to_float(shift) + log2);  // log2 of the result, <= 0
-  const MaskOf<F> vanishes = !(y > -126.f);
-  const F whole = lanes::nearbyint(lanes::max(-126.f, y)), r = y - whole, r2 = r * r;
-  const F p = fma(r2 * r2, fma(r, 0.0013390863f, 0.0096760319f),
-                  fma(r2, fma(r, 0.055503571f, 0.24022107f), fma(r, 0.69314719f, 1.f)));
-  const F power = p * lanes::from_bits(lanes::as_unsigned(lanes::to_int(whole) + 127) << 23);
+  const F power = exp2_near<F>(y);
   const F pole = lanes::select(e > 0.f, F(0.f), F(1.f));
-  return lanes::select(c2 <= 0.f, pole, lanes::select(vanishes, F(0.f), power));
+  return lanes::select(c2 <= 0.f, pole, power);
 }
 template <class F>
 F cosine_power(F s2, F e) {

@@ -21,6 +21,7 @@ constexpr std::array kKinds{
     MaterialKind{"translucent", make_translucent, 4},
     MaterialKind{"mix", make_mix, 0, false},
     MaterialKind{"coateddiffuse", make_coateddiffuse, 2},
+    MaterialKind{"coatedconductor", make_coatedconductor, 2},
     MaterialKind{"thindielectric", make_thindielectric, 1},
     MaterialKind{"disney", make_disney, 5},
     MaterialKind{"kdsubsurface", make_kdsubsurface, 1},
@@ -79,9 +80,9 @@ Roughness Roughness::overridden(MaterialInputs& in, float otherwise, V follow) {
   return {in, u, v};
 }
 
-Roughness Roughness::two_axes(MaterialInputs& in, float otherwise) {
-  const TexturedFloat u = in.params.real("uroughness", otherwise);
-  return {in, u, in.params.real("vroughness", otherwise)};
+Roughness Roughness::two_axes(MaterialInputs& in, float otherwise, std::string_view prefix) {
+  const TexturedFloat u = in.params.real(std::string(prefix) + "uroughness", otherwise);
+  return {in, u, in.params.real(std::string(prefix) + "vroughness", otherwise)};
 }
 
 bsdf::Microfacets Roughness::operator()(const TexturePoint& at) const {
@@ -140,6 +141,7 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
       r.normal_map = in.base->normal_map;
     }
     r.tangents = in.tangents;
+    r.estimated = in.estimated;
     r.needs = params.needs();
     r.needs.uv = r.needs.uv || r.tangents || r.bends();
     r.depth = in.depth;

@@ -52,6 +52,7 @@ struct MaterialRecord {
   TexturedRgb normal_map;  // pbrt-v4
   bool has_normal_map = false;
   bool bends() const { return has_bump || has_normal_map; }
+  bool estimated = false;  // some lobe may be without a formula: see Bsdf::set_salt
   TexturedFloat bump;
   TextureNeeds needs;
   int depth = 1;  // of mixes
@@ -64,6 +65,7 @@ struct MaterialInputs {
   std::span<const MaterialRecord> earlier;  // the materials before this one
   MeasuredStore& measured;
   bool tangents = false;                    // set by the maker
+  bool estimated = false;                   // set by the maker
   int depth = 1;                            // set by the maker of mixes
   int lobes = 0;                            // set by the maker of mixes
   const MaterialRecord* base = nullptr;     // whose bump map counts, set by the maker of mixes
@@ -85,6 +87,7 @@ std::unique_ptr<Material> make_glass(MaterialInputs&);
 std::unique_ptr<Material> make_uber(MaterialInputs&);
 std::unique_ptr<Material> make_substrate(MaterialInputs&);
 std::unique_ptr<Material> make_translucent(MaterialInputs&);
+std::unique_ptr<Material> make_coatedconductor(MaterialInputs&);
 std::unique_ptr<Material> make_coateddiffuse(MaterialInputs&);
 std::unique_ptr<Material> make_thindielectric(MaterialInputs&);
 std::unique_ptr<Material> make_measured(MaterialInputs&);
@@ -107,7 +110,8 @@ class Roughness {
   // whether v follows u.
   enum class V { keeps_roughness, follows_u };
   static Roughness overridden(MaterialInputs& in, float otherwise, V v);
-  static Roughness two_axes(MaterialInputs& in, float otherwise);  // "uroughness", "vroughness"
+  // "uroughness", "vroughness" after a prefix
+  static Roughness two_axes(MaterialInputs& in, float otherwise, std::string_view prefix = "");
 
   bool smooth(const TexturePoint& at) const {
     const float widest = std::max(u_(at), v_(at));
@@ -123,6 +127,20 @@ class Roughness {
   Dialect dialect_;
   bool v4_, root_;  // root: pbrt-v4's map of a roughness to a width
   bool remap_, isotropic_;
+};
+
+// A conductor's "eta" and "k" after a prefix, by default copper's, or what has the "reflectance" of pbrt-v4.
+class ConductorInputs {
+ public:
+  explicit ConductorInputs(MaterialInputs& in, std::string_view prefix = "");
+  struct Index {
+    Rgb eta, k;
+  };
+  Index operator()(const TexturePoint& at) const;
+
+ private:
+  TexturedRgb eta_, k_;
+  std::optional<TexturedRgb> reflectance_;
 };
 
 // Builds all materials. Throws SceneError for what makes no picture.

@@ -13,20 +13,10 @@ class Metal final : public Material {
  public:
   explicit Metal(MaterialInputs& in)
       : v2_(in.params.dialect() == Dialect::v2),
-        eta_(in.params.rgb("eta", v2_ ? kCopperEta : kCopperEta * kV3)),
-        k_(in.params.rgb("k", v2_ ? kCopperK : kCopperK * kV3)),
-        roughness_(Roughness::overridden(in, 0.01f, Roughness::V::keeps_roughness)) {
-    if (in.params.params().has("reflectance"))
-      reflectance_ = in.params.rgb("reflectance", Rgb(0.5f));
-  }
+        conductor_(in),
+        roughness_(Roughness::overridden(in, 0.01f, Roughness::V::keeps_roughness)) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
-    Rgb eta = positive(eta_(at)), k = positive(k_(at));
-    if (reflectance_) {
-      // pbrt-v4: the absorption that reflects so much at normal incidence with an index of 1.
-      const Rgb r = glm::clamp((*reflectance_)(at), 0.f, 0.9999f);
-      eta = Rgb(1.f);
-      k = 2.f * glm::sqrt(r) / glm::sqrt(1.f - r);
-    }
+    const auto [eta, k] = conductor_(at);
     if (roughness_.is_v4() && roughness_.smooth(at))  // in older pbrts the facets are never quite flat
       out.add(bsdf::specular_reflection(Rgb(1.f), bsdf::conductor(eta, k)));
     else
@@ -36,8 +26,7 @@ class Metal final : public Material {
 
  private:
   bool v2_;
-  TexturedRgb eta_, k_;
-  std::optional<TexturedRgb> reflectance_;
+  ConductorInputs conductor_;
   Roughness roughness_;
 };
 
@@ -66,6 +55,19 @@ class ShinyMetal final : public Material {
 };
 
 }  // namespace
+
+ConductorInputs::ConductorInputs(MaterialInputs& in, std::string_view prefix)
+    : eta_(in.params.rgb(std::string(prefix) + "eta", in.params.dialect() == Dialect::v2 ? kCopperEta : kCopperEta * kV3)),
+      k_(in.params.rgb(std::string(prefix) + "k", in.params.dialect() == Dialect::v2 ? kCopperK : kCopperK * kV3)) {
+  if (in.params.params().has("reflectance")) reflectance_ = in.params.rgb("reflectance", Rgb(0.5f));
+}
+
+ConductorInputs::Index ConductorInputs::operator()(const TexturePoint& at) const {
+  if (!reflectance_) return {positive(eta_(at)), positive(k_(at))};
+  // pbrt-v4: the absorption that reflects so much at normal incidence with an index of 1.
+  const Rgb r = glm::clamp((*reflectance_)(at), 0.f, 0.9999f);
+  return {Rgb(1.f), 2.f * glm::sqrt(r) / glm::sqrt(1.f - r)};
+}
 
 std::unique_ptr<Material> make_metal(MaterialInputs& in) { return std::make_unique<Metal>(in); }
 std::unique_ptr<Material> make_shinymetal(MaterialInputs& in) {

@@ -58,6 +58,7 @@ const MaterialRecord* mixed(MaterialInputs& in, std::string_view name) {
   in.params.needs() |= r->needs;
   if (r->textured) in.params.set_textured();
   in.tangents = in.tangents || r->tangents;
+  in.estimated = in.estimated || r->estimated;
   in.depth = std::max(in.depth, r->depth + 1);
   in.lobes += r->material ? r->lobes_at_most : 1;
   return r;

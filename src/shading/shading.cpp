@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <bit>
 
+#include "base/random.h"
 #include "shading/material.h"
 #include "shading/material_kinds.h"
 #include "shading/measured.h"
@@ -64,6 +66,11 @@ Frame tangent_frame(const SurfacePoint& point) {
   return {unit, glm::cross(point.ns, unit), point.ns};
 }
 
+std::uint32_t salt(const Vec3& p) {
+  const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
+  return static_cast<std::uint32_t>(mix64(mix64(bits(p.x) << 32 | bits(p.y)) ^ bits(p.z)));
+}
+
 // Lobes that agree in everything but numbers.
 bool same_kind(std::span<const Lobe> a, std::span<const Lobe> b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Lobe& x, const Lobe& y) {
@@ -105,6 +112,7 @@ class SceneShading final : public Shading {
     if (r && (r->textured || r->bends())) return textured(*r, point, footprint);
     Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
     if (r) b.add(std::span<const Lobe>(r->lobes));
+    if (r && r->estimated) b.set_salt(salt(point.p));
     return b;
   }
 
@@ -165,6 +173,7 @@ class SceneShading final : public Shading {
     } else {
       b.add(std::span<const Lobe>(r.lobes));
     }
+    if (r.estimated) b.set_salt(salt(point.p));
     return b;
   }
 
