@@ -49,6 +49,7 @@ std::string value_of(const LanguageRow& row, const LanguageParam& p) {
     if (name == "P" || name == "N") return "[0 0 1 1 0 1 0 1 1 1 1 1]";
     if (name == "uv") return "[0 0 1 0 0 1 1 1]";
   }
+  if (row.type == "spherical" && name == "mapping") return "\"equalarea\"";
   if (row.type == "cloud" && name == "density") return "1";
   if (row.type == "rgbgrid" && type == "rgb") {
     std::string numbers = "[";

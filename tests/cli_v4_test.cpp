@@ -7,7 +7,7 @@
 #include "scene/language.h"
 #include "scene/named_spectra.h"
 #include "scene/spectrum.h"
-#include "shading/equal_area.h"
+#include "base/equal_area.h"
 #include "shading_rgl_support.h"
 
 namespace cloudrenderer {

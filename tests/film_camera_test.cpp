@@ -152,6 +152,23 @@ TEST(EnvironmentCamera, SeesAllDirections) {
   expect_near(c->ray({17, 100}, {}).direction, {0, -1, 0});
 }
 
+TEST(EqualAreaCamera, HasTheYAxisInTheMiddleAndEqualAreas) {
+  const auto c = camera("environment", {test::string("mapping", "equalarea")}, frame(100, 100));
+  expect_near(c->ray({50, 50}, {}).direction, {0, 1, 0});
+  for (const Vec2 corner : {Vec2(0, 0), Vec2(100, 0), Vec2(100, 100)}) expect_near(c->ray(corner, {}).direction, {0, -1, 0});
+  expect_near(c->ray({100, 50}, {}).direction, {1, 0, 0});
+  expect_near(c->ray({50, 100}, {}).direction, {0, 0, 1});
+  // Beyond the right edge the square goes on, mirrored.
+  expect_near(c->ray({100.5f, 20}, {}).direction, c->ray({99.5f, 80}, {}).direction);
+  double sum = 0;  // of y over the pixels: 0 on a sphere; and of y^2: a third
+  for (int i = 0; i < 100; ++i)
+    for (int j = 0; j < 100; ++j) {
+      const Vec3 d = c->ray({static_cast<float>(i) + .5f, static_cast<float>(j) + .5f}, {}).direction;
+      sum += static_cast<double>(d.y) * static_cast<double>(d.y);
+    }
+  EXPECT_NEAR(sum / 1e4, 1.0 / 3, 1e-3);
+}
+
 TEST(Camera, EightRaysHaveTheBitsOfEach) {
   const Transform tilted(glm::rotate(Mat4(1.f), 0.7f, Vec3(1, 2, 3)) * glm::translate(Mat4(1.f), Vec3(1, 5, -2)));
   const std::vector<Param> with_lens = {reals("lensradius", {0.3f}), reals("focaldistance", {4})};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/equal_area.h"
 #include "base/portable_math.h"
 #include "base/sampling.h"
 #include "film/camera_realistic.h"
@@ -133,6 +134,38 @@ class EnvironmentCamera final : public Camera {
   Vec2 step_;
 };
 
+// pbrt-v4: all directions on a square that keeps areas, the camera's y axis in its middle.
+class EqualAreaCamera final : public Camera {
+ public:
+  EqualAreaCamera(const Transform& camera_to_world, const FilmFrame& frame)
+      : to_world_(camera_to_world),
+        eye_(camera_to_world.point(Vec3(0.f))),
+        pixel_(1.f / static_cast<float>(frame.width), 1.f / static_cast<float>(frame.height)) {}
+
+  CameraRay ray(const Vec2& film, const Vec2&) const override {
+    Vec2 uv = film * pixel_;
+    // The filter reaches over the edges: beyond each the square goes on, mirrored.
+    for (int i = 0; i < 2; ++i)
+      if (uv[i] < 0.f || uv[i] > 1.f) {
+        uv[i] = uv[i] < 0.f ? -uv[i] : 2.f - uv[i];
+        uv[1 - i] = 1.f - uv[1 - i];
+      }
+    const Vec3 d = equal_area_square_to_sphere(uv);
+    CameraRay out;
+    out.origin = eye_;
+    out.direction = glm::normalize(to_world_.vector({d.x, d.z, d.y}));
+    out.cone_spread = std::sqrt(4 * kPi * pixel_.x * pixel_.y);
+    return out;
+  }
+  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return one_by_one(film, lens); }
+  bool uses_lens() const override { return false; }
+
+ private:
+  Transform to_world_;
+  Vec3 eye_;
+  Vec2 pixel_;
+};
+
 Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
   const float width = static_cast<float>(frame.width), height = static_cast<float>(frame.height);
   const float aspect = desc.params.real("frameaspectratio", width / height);
@@ -251,7 +284,10 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
     for (const char* name : {"lensradius", "focaldistance", "frameaspectratio"})
       desc.params.real(name, 0.f);
     desc.params.reals("screenwindow");
-    camera = std::make_unique<EnvironmentCamera>(to_world, frame);
+    if (desc.params.string("mapping", "") == "equalarea")
+      camera = std::make_unique<EqualAreaCamera>(to_world, frame);
+    else
+      camera = std::make_unique<EnvironmentCamera>(to_world, frame);
   } else if (desc.type == "realistic") {
     camera = realistic_camera(desc, to_world, frame, film_diagonal, warnings);
   } else if (desc.type == "orthographic") {

@@ -21,7 +21,7 @@ constexpr LanguageRow kRows[] = {
     {"Camera", "orthographic", kInAll, kDone, SHUTTER ", float frameaspectratio, float screenwindow, float lensradius, float focaldistance, -float hither@v2, -float yon@v2", ""},
     {"Camera", "perspective", kInAll, kDone, SHUTTER ", float frameaspectratio, float screenwindow, float lensradius, float focaldistance, float fov, float halffov@v23, -float hither@v2, -float yon@v2", ""},
     {"Camera", "realistic", kV34, kDone, SHUTTER ", string lensfile, float aperturediameter, float focusdistance, bool simpleweighting@v3, !string aperture@v4", "the weights are pbrt-v3's"},
-    {"Camera", "spherical", kInV4, kNear, SHUTTER ", ~string mapping, -float frameaspectratio, -float screenwindow, -float lensradius, -float focaldistance", "equirectangular"},
+    {"Camera", "spherical", kInV4, kDone, SHUTTER ", string mapping, -float frameaspectratio, -float screenwindow, -float lensradius, -float focaldistance", ""},
     {"Film", "gbuffer", kInV4, kNear, V4_FILM ", -string coordinatesystem", "only the colours"},
     {"Film", "rgb", kInV4, kDone, V4_FILM, ".exr, .pfm, .png and .tga; linear sRGB, sensors are plain exposure"},
     {"Film", "spectral", kInV4, kNear, V4_FILM ", -integer nbuckets, -float lambdamin, -float lambdamax", "an RGB picture"},

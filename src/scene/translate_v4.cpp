@@ -11,9 +11,13 @@ namespace cloudrenderer {
 
 void V4Translator::camera(Entity& e) const {
   if (e.type != "spherical") return;
-  if (e.params.string("mapping", "equalarea") != "equirectangular")
-    approximated(e, "the picture has the equirectangular mapping");
+  const std::string mapping = e.params.string("mapping", "equalarea");
   e.params.take("mapping");
+  if (mapping != "equirectangular") {
+    if (mapping != "equalarea")
+      warn_(e.location, "unknown mapping \"" + mapping + "\", expected equalarea or equirectangular: equalarea is used");
+    e.params.add(make_string("mapping", "equalarea", e.location));
+  }
   e.type = "environment";
 }
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "base/portable_math.h"
-#include "shading/equal_area.h"
+#include "base/equal_area.h"
 #include "shading/light_map.h"
 #include "shading/light_record.h"
 

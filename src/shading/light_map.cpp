@@ -4,7 +4,7 @@
 
 #include "base/portable_math.h"
 #include "images/images.h"
-#include "shading/equal_area.h"
+#include "base/equal_area.h"
 
 namespace cloudrenderer {
 

@@ -4,7 +4,7 @@
 #include "../shading_lights_support.h"
 #include "quadrature.h"
 #include "record.h"
-#include "shading/equal_area.h"
+#include "base/equal_area.h"
 #include "shading/light_choice.h"
 #include "shading/phase.h"
 #include "world.h"
