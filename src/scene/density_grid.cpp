@@ -48,7 +48,7 @@ struct Reading {
     for (const float d : values)
       if (!((negative || d >= 0.f) && std::fabs(d) < kInfinity))
         fail(std::string(name) == "density" ? "densities must be finite and at least 0"
-                                            : "the values of " + std::string(name) + " must be finite and at least 0");
+                                            : "the values of " + std::string(name) + " must be finite" + (negative ? "" : " and at least 0"));
     return values;
   }
   void add(std::string name, DenseVoxels::Channel channel) {

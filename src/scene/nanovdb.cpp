@@ -133,8 +133,11 @@ std::optional<NanoVdb::Grid> NanoVdb::find(const std::string& path, const std::s
       if (static_cast<Codec>(g.codec) == Codec::none) {
         whole = copy_plain(in, g.grid_bytes, bytes);
       } else if (static_cast<Codec>(g.codec) == Codec::zip) {
-        std::uint64_t packed;
-        whole = take(in, packed) && copy_zipped(in, packed, g.grid_bytes, bytes);
+        std::uint64_t packed = 0;
+        // A few kilobytes of zip can stand for any amount: grids of floats become a tenth at best.
+        if (take(in, packed) && g.grid_bytes / 256 > packed + (std::uint64_t{1} << 20))
+          throw fail("its grid \"" + name + "\" would be more than 256 times as large as its zip");
+        whole = in.good() && copy_zipped(in, packed, g.grid_bytes, bytes);
       } else {
         throw fail("is compressed with Blosc; plain and zipped files can be read (nanovdb_convert without -b)");
       }

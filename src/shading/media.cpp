@@ -181,6 +181,7 @@ void set_channels(const MediumDesc& desc, const Medium& m, GridMedium& grid) {
 GridMedium make_grid(const MediumDesc& desc, const Medium& m) {
   for (const char* name : {"nx", "ny", "nz"}) desc.params.integer(name, 1);
   if (const Param* channels = desc.params.find("channels")) channels->used = true;
+  for (const char* name : {"temperatureoffset", "temperaturescale", "Lescale"}) desc.params.real(name, 1.f);  // perhaps for nothing
   const Vec3 diagonal = desc.params.point3("p1", Vec3(1.f)) - desc.params.point3("p0", Vec3(0.f));
   GridMedium grid;
   grid.g = m.g;
@@ -255,7 +256,7 @@ Medium make_medium(const MediumDesc& desc, Dialect dialect, Warnings& warnings) 
                                     ": left out");
     return {};
   }
-  if (!v2 && !is_black(m.radiance)) m.radiance *= light_scale(desc);
+  if (!v2) m.radiance *= light_scale(desc);
   desc.params.report_unused((v2 ? "Volume \"" : "MakeNamedMedium \"") + desc.type + "\"", warnings);
   return m;
 }
