@@ -132,6 +132,41 @@ Translate 1.5 0 0
         found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
         self.assertGreater(found["rays"]["moved"], 0)
 
+    def test_media_of_pbrt_4(self):
+        n = 30
+        random = np.random.default_rng(7)
+        heat = random.random(n**3) * 4000
+        colour = random.random((3, n**3, 3))
+        numbers = lambda values: " ".join(f"{v:.2f}" for v in np.ravel(values))
+        scene = self.folder / "media4.pbrt"
+        scene.write_text(f"""
+LookAt 0 -5 1  0 0 0  0 0 1
+Camera "perspective" "float fov" 45
+Film "rgb" "string filename" "x.exr"
+Integrator "volpath" "integer maxdepth" 12
+WorldBegin
+LightSource "infinite" "rgb L" [.3 .4 .6]
+LightSource "point" "rgb I" [20 18 15] "point3 from" [2 -3 2]
+MakeNamedMedium "fire" "string type" "uniformgrid" "integer nx" {n} "integer ny" {n} "integer nz" {n} "float Lescale" .01
+  "point3 p0" [-2 -1 -1] "point3 p1" [0 1 1] "float density" [{numbers(random.random(n**3))}] "float temperature" [{numbers(heat)}]
+MakeNamedMedium "dye" "string type" "rgbgrid" "integer nx" {n} "integer ny" {n} "integer nz" {n} "float scale" 2 "float Lescale" .001
+  "point3 p0" [0 -1 -1] "point3 p1" [2 1 1] "rgb sigma_a" [{numbers(colour[0])}] "rgb sigma_s" [{numbers(colour[1] * 3)}]
+  "rgb Le" [{numbers(colour[2])}]
+Material "interface"
+MediumInterface "fire" ""
+Translate -1 0 0
+Shape "sphere" "float radius" .95
+MediumInterface "dye" ""
+Translate 2 0 0
+Shape "sphere" "float radius" .95
+""")
+        small = ("--part-size", "200KiB")
+        wanted, report = self.render("one", scene, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
+        self.assertGreater(float(np.std(wanted)), 0)
+        share = int(report["hosts"][0]["memory_peak"] * 0.65)
+        found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
+        self.assertGreater(found["rays"]["moved"], 0)
+
     def test_another_seed_is_another_picture(self):
         a, _ = self.render("a", support.SCENE, "--spp", 2, "--resolution", "40x40")
         b, _ = self.render("b", support.SCENE, "--spp", 2, "--resolution", "40x40", "--seed", 1)
