@@ -185,6 +185,32 @@ TEST_F(V4Scenes, MeasuredMaterialsAreRead) {
   EXPECT_NE(missing.find("none.bsdf': No such file"), std::string::npos) << missing;
 }
 
+// What a plane that fills the view reflects.
+TEST_F(V4Scenes, FloatTexturesAreTheMeanOfDecodedColours) {
+  write_file(folder_.path("moss.ppm"), std::string("P6\n1 1\n255\n") + "\x33\x66\x1a");
+  const auto reflected = [&](const std::string& more) {
+    const auto scene = picture("Camera \"orthographic\"\nFilm \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2 \"string filename\" \"x.exr\"\n"
+                               "Sampler \"zsobol\" \"integer pixelsamples\" 256\nWorldBegin\nLightSource \"infinite\"\n"
+                               "Texture \"t\" \"float\" \"imagemap\" \"string filename\" \"moss.ppm\" " + more + "\n"
+                               "Texture \"c\" \"spectrum\" \"scale\" \"rgb tex\" [1 1 1] \"texture scale\" \"t\"\n"
+                               "Material \"diffuse\" \"texture reflectance\" \"c\"\nShape \"disk\" \"float radius\" 9 \"float height\" 2\n",
+                               Dialect::v4);
+    EXPECT_EQ(scene.error, "");
+    return scene.pixels.empty() ? 0.f : scene.pixels[0];
+  };
+  EXPECT_NEAR(reflected("\"string encoding\" \"sRGB\""), .0588f, 1e-3f);
+  EXPECT_NEAR(reflected("\"string encoding\" \"linear\""), .2340f, 2e-3f);
+}
+
+TEST_F(V4Scenes, ParametersGoOnBehindAnInclude) {
+  write_file(folder_.path("dense.pbrt"), "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" [1]\n");
+  write_file(folder_.path("outer.pbrt"), "Include \"dense.pbrt\"\n");
+  const auto scene = picture("WorldBegin\nLightSource \"infinite\"\nInclude \"outer.pbrt\"\n\"float g\" .5 \"spectrum sigma_a\" [300 20 830 20]\nShape \"sphere\"\n",
+                             Dialect::v4);
+  EXPECT_EQ(scene.error, "");
+  EXPECT_EQ(scene.warnings, "");
+}
+
 TEST_F(V4Scenes, OptionsAreANameAndAValueOrLikeParameters) {
   for (const char* option : {"\"seed\" 5", "\"disablepixeljitter\" true", "\"rendercoordsys\" \"world\"",
                              "\"msereferenceimage\" [ \"a.exr\" ]", "\"integer seed\" 5"}) {

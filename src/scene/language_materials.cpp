@@ -37,7 +37,7 @@ constexpr LanguageRow kRows[] = {
     {"Material", "dielectric", kInV4, kDone, "spectrum eta, " ROUGH ", " DISPLACED, "no dispersion: spectra become one index"},
     {"Material", "diffuse", kInV4, kDone, "spectrum reflectance, " DISPLACED, ""},
     {"Material", "diffusetransmission", kInV4, kDone, "spectrum reflectance, spectrum transmittance, float scale, " DISPLACED, ""},
-    {"Material", "hair", kInV4, kDone, "spectrum sigma_a, spectrum reflectance, float eumelanin, float pheomelanin, float eta, float beta_m, float beta_n, float alpha", ""},
+    {"Material", "hair", kInV4, kDone, "spectrum sigma_a, spectrum reflectance, spectrum color, float eumelanin, float pheomelanin, float eta, float beta_m, float beta_n, float alpha", ""},
     {"Material", "interface", kInV4, kDone, "", "the surface is passed through; so is \"\""},
     {"Material", "measured", kInV4, kDone, "string filename, " DISPLACED, "files of the RGL database, with spectra or rgb; spectra become RGB in the light of D65"},
     {"Material", "mix", kInV4, kDone, "string materials, float amount", "weighted, not chosen by chance"},

@@ -309,6 +309,11 @@ Entity Parser::read_entity(const Token& directive, bool reads_files) {
     const ParamSet more = params_.read(lexer(), reads_files);
     for (const Param& p : more.all()) e.params.add(p);
   }
+  // An included file may end between a directive and more of its parameters.
+  for (std::size_t i = files_.size() - 1; i > 0 && !files_[i].imported && files_[i].lexer.peek().kind == Token::Kind::end; --i) {
+    const ParamSet more = params_.read(files_[i - 1].lexer, reads_files);
+    for (const Param& p : more.all()) e.params.add(p);
+  }
   if (use_) count_use(directive.text, e);
   if (is_v4()) complete_v4(directive.text, e);
   return e;

@@ -153,6 +153,11 @@ void Parser::shape(const Token& t) {
   shape.object = open_object_;
   if (is_v4()) builder_.mask_by_chance(state_, shape);
   builder_.finish_shape(state_, shape);
+  if (is_v4() && shape.area_light && shape.material &&
+      builder_.scene().materials[shape.material.value].type == "none") {
+    builder_.warn_once(shape.location, "area lights on surfaces without material do not shine, as in pbrt: ignored");
+    shape.area_light = {};
+  }
   sink_.shape(std::move(shape), builder_.scene());
 }
 

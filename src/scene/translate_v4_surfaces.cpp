@@ -87,6 +87,7 @@ void V4Translator::material(Entity& e) const {
     copper(e, "conductor.");
     roughness(e, 0.f, {"interface.", "conductor."});
   } else if (e.type == "hair") {
+    if (p.has("reflectance")) p.take("color");  // its former name
     p.rename("reflectance", "color");
   } else if (e.type == "measured") {
     p.rename("filename", "bsdffile");  // v2's has another format
@@ -110,6 +111,7 @@ void V4Translator::material(Entity& e) const {
 
 void V4Translator::texture(Entity& e, DMat4& ctm) const {
   ParamSet& p = e.params;
+  if (e.type == "imagemap") p.add(make_bool("mean", true, e.location));
   if (e.type == "fbm" || e.type == "windy" || e.type == "wrinkled" || e.type == "marble" ||
       (e.type == "checkerboard" && p.integer("dimension", 2) == 3)) {
     // v3 applies the transformation to the point, v4 its inverse.

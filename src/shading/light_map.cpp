@@ -60,7 +60,13 @@ DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warn
     largest_ = Rgb(0.f);
     for (const Rgb& texel : map_.texels) largest_ = glm::max(largest_, texel);
   }
-  equal_area_ = desc.params.string("mapping", "") == "equalarea" && map_.width == map_.height;
+  const bool v4 = desc.params.string("mapping", "") == "equalarea";
+  equal_area_ = v4 && map_.width == map_.height;
+  if (v4 && !equal_area_)
+    warnings.add(desc.location, "a map of equal areas must be square, not " + std::to_string(map_.width) + " x " +
+                                    std::to_string(map_.height) + ": its rows are taken for heights");
+  if (v4)  // which has no colours here
+    for (Rgb& texel : map_.texels) texel = Rgb((texel.x + texel.y + texel.z) * (1.f / 3.f));
   if (kind == Kind::projection) {
     const float fov = desc.params.real("fov", 45.f);
     if (!(fov > 0.f && fov < 180.f))

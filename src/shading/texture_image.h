@@ -26,6 +26,8 @@ struct ImageEncoding {
   bool flip = false;       // the first row is at t = 1
   bool invert = false;     // pbrt-v4: one minus the value
   bool luminance = false;  // one value a texel
+  bool mean = false;       // pbrt-v4: this value is alpha where the file has one that is not 1 everywhere, else the mean of the
+                           // decoded channels
   auto operator<=>(const ImageEncoding&) const = default;
 
   float decode(float x) const;

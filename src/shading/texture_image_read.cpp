@@ -11,7 +11,7 @@ namespace cloudrenderer {
 namespace {
 
 struct Pixels {
-  int width = 0, height = 0, channels = 1;  // 1 or 3
+  int width = 0, height = 0, channels = 1;  // 1, 3 or 4
   bool bytes = false;
   std::vector<std::uint8_t> byte;  // as stored in the file
   std::vector<float> real;
@@ -30,13 +30,13 @@ std::unique_ptr<ImageReader> open_texture(const std::string& path, const FileLoc
   return file;
 }
 
-Pixels read_pixels(const std::string& path, const FileLocation& where) {
+Pixels read_pixels(const std::string& path, bool alpha, const FileLocation& where) {
   const auto file = open_texture(path, where);
   const ImageInfo& info = file->info();
   Pixels p;
   p.width = info.width;
   p.height = info.height;
-  p.channels = info.channels >= 3 ? 3 : 1;
+  p.channels = alpha && info.channels >= 4 ? 4 : info.channels >= 3 ? 3 : 1;
   p.bytes = info.bytes;
   const std::size_t count = p.row() * static_cast<std::size_t>(p.height);
   std::string why;
@@ -86,6 +86,31 @@ void to_luminance(Pixels& p) {
   p.real = std::move(out);
   p.byte = {};
   p.bytes = false;
+}
+
+// See ImageEncoding::mean. The values are decoded then.
+bool to_mean(Pixels& p, const ImageEncoding& encoding) {
+  if (p.channels == 1) return false;
+  const auto channels = static_cast<std::size_t>(p.channels);
+  const std::size_t n = (p.bytes ? p.byte.size() : p.real.size()) / channels;
+  const auto value = [&](std::size_t i, std::size_t c) {
+    return p.bytes ? static_cast<float>(p.byte[channels * i + c]) / 255.f : p.real[channels * i + c];
+  };
+  bool masked = false;
+  for (std::size_t i = 0; channels == 4 && i < n; ++i) masked = masked || value(i, 3) != 1.f;
+  std::vector<float> out(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto decoded = [&](std::size_t c) {
+      const float v = value(i, c);
+      return std::isfinite(v) ? encoding.decode(v) : 0.f;
+    };
+    out[i] = masked ? decoded(3) : (decoded(0) + decoded(1) + decoded(2)) * (1.f / 3.f);
+  }
+  p.channels = 1;
+  p.real = std::move(out);
+  p.byte = {};
+  p.bytes = false;
+  return true;
 }
 
 // The mean over the covered area: halves each side, rounding down, at least 1.
@@ -161,7 +186,8 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
     slot = std::make_unique<ImagePyramid>();
     return slot.get();
   }
-  Pixels p = read_pixels(path, where);
+  Pixels p = read_pixels(path, encoding.mean, where);
+  const bool decoded = encoding.mean && to_mean(p, encoding);
   if (encoding.luminance) to_luminance(p);
   if (encoding.flip) p.bytes ? flip_rows(p.byte, p.row()) : flip_rows(p.real, p.row());
 
@@ -179,7 +205,7 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
     p.byte = {};
   } else {
     level = std::move(p.real);
-    for (float& x : level) x = std::isfinite(x) ? encoding.decode(x) : 0.f;
+    for (float& x : level) x = decoded ? x : std::isfinite(x) ? encoding.decode(x) : 0.f;
   }
   const bool half = fits_half(level);  // means of values that fit do fit
   int w = p.width, h = p.height;

@@ -81,6 +81,7 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
     encoding.gamma = p.real("gamma", 1.f);
   }
   encoding.luminance = std::is_same_v<T, float>;
+  encoding.mean = p.boolean("mean", false) && encoding.luminance;
   ImageFilter filter;
   filter.trilinear = p.boolean("trilinear", p.string("filter", "") == "trilinear");
   filter.max_anisotropy = std::clamp(p.real("maxanisotropy", 8.f), 1.f, 64.f);
