@@ -29,8 +29,6 @@ struct ReadScene {
 
 inline void check_scene(const SceneDescription& scene, Warnings& warnings) {
   const JobSettings job = job_settings(scene, {}, warnings);
-  Camera::build(scene.camera, job.film.frame, scene.dialect, warnings);
-  Filter::build(scene.filter, warnings, scene.dialect);
   scene_needs(scene, job, warnings);
 }
 

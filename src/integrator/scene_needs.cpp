@@ -13,8 +13,8 @@ SceneNeeds scene_needs(const SceneDescription& scene, const JobSettings& job, Wa
   Media::check(scene, warnings);
   needs.media = job.media != MediaTransport::none && !scene.media.empty();
   needs.inside_media = needs.media && job.media == MediaTransport::multiple;
-  Warnings heard;  // of the camera: by who renders
-  const auto camera = Camera::build(scene.camera, job.film.frame, scene.dialect, heard, film_diagonal(scene.film));
+  const auto camera = Camera::build(scene.camera, job.film.frame, scene.dialect, warnings, film_diagonal(scene.film));
+  Filter::build(scene.filter, warnings, scene.dialect);
   needs.lens = camera->uses_lens();
   needs.moving_camera = camera->moves();
   return needs;

@@ -15,7 +15,7 @@ struct SceneNeeds {
   bool moving_camera = false;
 };
 
-// Checks materials, lights, media and camera, without reading images: throws SceneError for what makes no picture, and
+// Checks materials, lights, media, camera and filter, without reading images: throws SceneError for what makes no picture, and
 // warns of what is not supported.
 SceneNeeds scene_needs(const SceneDescription& scene, const JobSettings& job, Warnings& warnings);
 

@@ -12,6 +12,7 @@ class ColorSpace {
   ColorSpace() = default;  // srgb
   static std::optional<ColorSpace> find(std::string_view name);
 
+  bool is_working() const { return is_working_; }
   Rgb to_working(const Rgb& c) const;
 
  private:

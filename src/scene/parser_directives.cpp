@@ -27,6 +27,8 @@ void Parser::camera(const Token& t) {
 void Parser::film(const Token& t) {
   Entity e = read_option(t, false);
   if (is_v4()) v4_.film(e);
+  if (!state_.color_space.is_working())
+    warnings_.add(e.location, "the picture is written in linear sRGB, not in the colour space that is set here");
   if (in_options(t)) builder_.scene().film = std::move(e);
 }
 
