@@ -106,43 +106,36 @@ class OrthographicCamera final : public Camera {
   float cone_width_;
 };
 
-// All directions: longitude along x, polar angle from the camera's y axis along y.
+// All directions: longitude along x, polar angle from the camera's y axis along y. Or, in pbrt-v4, on a square that keeps
+// areas, with the y axis in its middle.
 class EnvironmentCamera final : public Camera {
  public:
-  EnvironmentCamera(const Transform& camera_to_world, const FilmFrame& frame)
+  EnvironmentCamera(const Transform& camera_to_world, const FilmFrame& frame, bool equal_area)
       : to_world_(camera_to_world),
         eye_(camera_to_world.point(Vec3(0.f))),
-        step_(2 * kPi / static_cast<float>(frame.width), kPi / static_cast<float>(frame.height)) {}
+        step_(2 * kPi / static_cast<float>(frame.width), kPi / static_cast<float>(frame.height)),
+        pixel_(1.f / static_cast<float>(frame.width), 1.f / static_cast<float>(frame.height)),
+        equal_area_(equal_area) {}
 
   CameraRay ray(const Vec2& film, const Vec2&) const override {
-    float sin_phi, cos_phi, sin_theta, cos_theta;
-    portable::sincos(film.x * step_.x, sin_phi, cos_phi);
-    portable::sincos(film.y * step_.y, sin_theta, cos_theta);
     CameraRay out;
     out.origin = eye_;
-    out.direction =
-        glm::normalize(to_world_.vector({sin_theta * cos_phi, cos_theta, sin_theta * sin_phi}));
-    out.cone_spread = std::sqrt(step_.x * step_.y * std::fabs(sin_theta));
+    out.direction = glm::normalize(to_world_.vector(equal_area_ ? on_square(film) : on_sphere(film, out.cone_spread)));
+    if (equal_area_) out.cone_spread = std::sqrt(4 * kPi * pixel_.x * pixel_.y);
     return out;
   }
   CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return one_by_one(film, lens); }
   bool uses_lens() const override { return false; }
 
  private:
-  Transform to_world_;
-  Vec3 eye_;
-  Vec2 step_;
-};
-
-// pbrt-v4: all directions on a square that keeps areas, the camera's y axis in its middle.
-class EqualAreaCamera final : public Camera {
- public:
-  EqualAreaCamera(const Transform& camera_to_world, const FilmFrame& frame)
-      : to_world_(camera_to_world),
-        eye_(camera_to_world.point(Vec3(0.f))),
-        pixel_(1.f / static_cast<float>(frame.width), 1.f / static_cast<float>(frame.height)) {}
-
-  CameraRay ray(const Vec2& film, const Vec2&) const override {
+  Vec3 on_sphere(const Vec2& film, float& spread) const {
+    float sin_phi, cos_phi, sin_theta, cos_theta;
+    portable::sincos(film.x * step_.x, sin_phi, cos_phi);
+    portable::sincos(film.y * step_.y, sin_theta, cos_theta);
+    spread = std::sqrt(step_.x * step_.y * std::fabs(sin_theta));
+    return {sin_theta * cos_phi, cos_theta, sin_theta * sin_phi};
+  }
+  Vec3 on_square(const Vec2& film) const {
     Vec2 uv = film * pixel_;
     // The filter reaches over the edges: beyond each the square goes on, mirrored.
     for (int i = 0; i < 2; ++i)
@@ -151,19 +144,13 @@ class EqualAreaCamera final : public Camera {
         uv[1 - i] = 1.f - uv[1 - i];
       }
     const Vec3 d = equal_area_square_to_sphere(uv);
-    CameraRay out;
-    out.origin = eye_;
-    out.direction = glm::normalize(to_world_.vector({d.x, d.z, d.y}));
-    out.cone_spread = std::sqrt(4 * kPi * pixel_.x * pixel_.y);
-    return out;
+    return {d.x, d.z, d.y};
   }
-  CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const override { return one_by_one(film, lens); }
-  bool uses_lens() const override { return false; }
 
- private:
   Transform to_world_;
   Vec3 eye_;
-  Vec2 pixel_;
+  Vec2 step_, pixel_;
+  bool equal_area_;
 };
 
 Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
@@ -284,10 +271,7 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
     for (const char* name : {"lensradius", "focaldistance", "frameaspectratio"})
       desc.params.real(name, 0.f);
     desc.params.reals("screenwindow");
-    if (desc.params.string("mapping", "") == "equalarea")
-      camera = std::make_unique<EqualAreaCamera>(to_world, frame);
-    else
-      camera = std::make_unique<EnvironmentCamera>(to_world, frame);
+    camera = std::make_unique<EnvironmentCamera>(to_world, frame, desc.params.string("mapping", "") == "equalarea");
   } else if (desc.type == "realistic") {
     camera = realistic_camera(desc, to_world, frame, film_diagonal, warnings);
   } else if (desc.type == "orthographic") {

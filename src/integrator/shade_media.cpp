@@ -20,8 +20,9 @@ class GridValues {
   GridValues(const Part& part, const BrickRecord& record, const GridMedium& grid, const Vec3& p) {
     if (!grid.varies()) return;
     const std::size_t n = record.brick.channel_samples();
+    const Vec3 at = record.brick.object_to_world.inverse().point(p);
     for (; count_ < record.brick.channels; ++count_)
-      values_[count_] = value_at(record.brick, part.densities.subspan(record.first_sample + n * count_, n), p);
+      values_[count_] = value_at(record.brick, part.densities.subspan(record.first_sample + n * count_, n), at);
   }
   operator std::span<const float>() const { return {values_.data(), count_}; }
 

@@ -61,7 +61,7 @@ struct LobeOf {
                         // not in pbrt-v2
   Vec3Of<F> scale;      // reflectance (fresnel_blend: diffuse)
   Vec3Of<F> scale2;     // dielectrics: transmittance; fresnel_blend: specular; disney_diffuse: sheen;
-                                    // hair: absorption; layered and its coat: see bsdf_layered.cpp
+                        // hair: absorption; layered and its coat: see bsdf_layered.cpp
   Vec3Of<F> eta;  // conductors; dielectrics: x = inside over outside, y = 1/x (z: disney's metallic);
             // fresnel_blend: factor over all
   Vec3Of<F> k;  // conductors; disney's Fresnel: reflectance at normal incidence; disney_diffuse, hair: see there

@@ -46,14 +46,15 @@ class DirectionalMap {
   DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warnings& warnings);
 
   Rgb factor(const Vec3& world_direction) const;
-  // pbrt-v4: makes the light's power, in all directions together, `power` times that of an intensity of 1 / steradian.
-  void set_power(float power);
   const Rgb& largest() const { return largest_; }  // of each channel
   // The smallest cosine to the light's z axis that has light, in the light's space.
   float cos_widest() const;
   std::uint64_t bytes() const { return map_.texels.size() * sizeof(Rgb); }
 
  private:
+  // pbrt-v4: the light gives so much in all directions together, for an intensity of 1.
+  void set_power(float power);
+
   Kind kind_;
   bool equal_area_ = false;  // goniometric: pbrt-v4's square map
   LightMap map_;  // empty: 1 everywhere

@@ -147,34 +147,34 @@ bool MeasuredReflectance::sample(const Vec3& wo, float u, const Vec2& u2, Vec3& 
   return cosine > 0.f && wi.z * side > 0.f;
 }
 
-const MeasuredReflectance* MeasuredStore::get(const std::string& path, Dialect dialect,
-                                              const FileLocation& where) {
-  auto& slot = files_[path];
+namespace {
+
+// What is in the slot; read first if nothing is.
+template <class Table, class Read>
+const Table* read_once(std::unique_ptr<const Table>& slot, std::uint64_t& bytes, Read read) {
   if (!slot) {
-    const bool irregular = path.ends_with(".brdf") || path.ends_with(".BRDF");
-    slot = std::make_unique<MeasuredReflectance>(
-        irregular ? read_irregular_brdf(path, dialect, where) : read_merl(path, where));
-    bytes_ += slot->bytes();
+    slot = read();
+    bytes += slot->bytes();
   }
   return slot.get();
+}
+
+}  // namespace
+
+const MeasuredReflectance* MeasuredStore::get(const std::string& path, Dialect dialect,
+                                              const FileLocation& where) {
+  return read_once(files_[path], bytes_, [&] {
+    const bool irregular = path.ends_with(".brdf") || path.ends_with(".BRDF");
+    return std::make_unique<MeasuredReflectance>(irregular ? read_irregular_brdf(path, dialect, where) : read_merl(path, where));
+  });
 }
 
 const ScatteringTable* MeasuredStore::get_fourier(const std::string& path, const FileLocation& where) {
-  auto& slot = fourier_[path];
-  if (!slot) {
-    slot = FourierTable::read(path, where);
-    bytes_ += slot->bytes();
-  }
-  return slot.get();
+  return read_once(fourier_[path], bytes_, [&] { return FourierTable::read(path, where); });
 }
 
 const RglTable* MeasuredStore::get_rgl(const std::string& path, const FileLocation& where) {
-  auto& slot = rgl_[path];
-  if (!slot) {
-    slot = RglTable::read(path, where);
-    bytes_ += slot->bytes();
-  }
-  return slot.get();
+  return read_once(rgl_[path], bytes_, [&] { return RglTable::read(path, where); });
 }
 
 }  // namespace cloudrenderer

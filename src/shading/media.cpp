@@ -208,8 +208,8 @@ GridMedium make_grid(const MediumDesc& desc, const Medium& m) {
 constexpr float kColdest = 100.f, kHottest = 40000.f;
 constexpr std::size_t kTemperatures = 1024;
 float temperature_place(float kelvin) {
-  return portable::log2(std::clamp(kelvin, kColdest, kHottest) / kColdest) / portable::log2(kHottest / kColdest) *
-         static_cast<float>(kTemperatures - 1);
+  static const float per_octave = static_cast<float>(kTemperatures - 1) / portable::log2(kHottest / kColdest);
+  return portable::log2(std::clamp(kelvin, kColdest, kHottest) / kColdest) * per_octave;
 }
 std::vector<Rgb> black_bodies() {
   std::vector<Rgb> out;

@@ -82,7 +82,7 @@ void cut_grid(const GridLayout& grid, const Voxels& voxels, const Transform& obj
 }
 
 float value_at(const DensityBrick& brick, std::span<const float> channel, const Vec3& p) {
-  return interpolate(brick, channel, brick.object_to_world.inverse().point(p));
+  return interpolate(brick, channel, p);
 }
 
 float track(const DensityBrick& brick, std::span<const float> samples, const Vec3& origin, const Vec3& direction,

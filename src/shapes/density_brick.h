@@ -32,7 +32,7 @@ struct DensityBrick {
 void cut_grid(const GridLayout& grid, const Voxels& voxels, const Transform& object_to_world,
               const std::function<void(const DensityBrick&, std::uint32_t number, std::span<const float> samples)>& sink);
 
-// A channel's value at a point of the world, between 8 of its samples, at most at the last ones.
+// A channel's value at a point of object space, between 8 of its samples, at most at the last ones.
 float value_at(const DensityBrick& brick, std::span<const float> channel, const Vec3& p);
 
 // Where a ray first collides with the brick, by delta tracking (Woodcock et al. 1965) with its own majorant; infinity:

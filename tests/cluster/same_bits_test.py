@@ -21,6 +21,15 @@ class SameBits(support.ClusterTest):
                 self.assertLessEqual(host["memory_peak"], host["memory_budget"], f"{host['name']} went over its budget")
             return report
 
+    def check_in_small_parts(self, scene, part_size):
+        """One host, and three that none has memory for everything."""
+        wanted, report = self.render("one", scene, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
+        self.assertGreater(float(np.std(wanted)), 0)
+        share = int(report["hosts"][0]["memory_peak"] * 0.65)
+        found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, "--part-size", part_size)
+        self.assertGreater(found["rays"]["moved"], 0)
+        return found
+
     def test_hosts_replication_threads_and_split(self):
         split = self.split()
         wanted, report = self.render("one", split, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
@@ -99,12 +108,7 @@ Translate 1.5 -1.2 -1
 Shape "sphere" "float radius" [.5]
 WorldEnd
 """)
-        small = ("--part-size", "100KiB")
-        wanted, report = self.render("one", scene, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
-        self.assertGreater(float(np.mean(wanted)), 0)
-        share = int(report["hosts"][0]["memory_peak"] * 0.65)
-        found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
-        self.assertGreater(found["rays"]["moved"], 0)
+        found = self.check_in_small_parts(scene, "100KiB")
         self.assertGreater(found["rays"]["shadow_asked"], 0)
 
     def test_tables_of_the_rgl(self):
@@ -125,12 +129,7 @@ Material "measured" "string filename" "{table}"
 Translate 1.5 0 0
 {ball}
 """)
-        small = ("--part-size", "100KiB")
-        wanted, report = self.render("one", scene, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
-        self.assertGreater(float(np.std(wanted)), 0)
-        share = int(report["hosts"][0]["memory_peak"] * 0.65)
-        found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
-        self.assertGreater(found["rays"]["moved"], 0)
+        self.check_in_small_parts(scene, "100KiB")
 
     def test_media_of_pbrt_4(self):
         n = 30
@@ -160,12 +159,7 @@ MediumInterface "dye" ""
 Translate 2 0 0
 Shape "sphere" "float radius" .95
 """)
-        small = ("--part-size", "200KiB")
-        wanted, report = self.render("one", scene, "--threads", 1, "--spp", SPP, "--resolution", SIZE)
-        self.assertGreater(float(np.std(wanted)), 0)
-        share = int(report["hosts"][0]["memory_peak"] * 0.65)
-        found = self.check(wanted, "three", scene, "--hosts", 3, "--threads", 1, "--memory", share, *small)
-        self.assertGreater(found["rays"]["moved"], 0)
+        self.check_in_small_parts(scene, "200KiB")
 
     def test_another_seed_is_another_picture(self):
         a, _ = self.render("a", support.SCENE, "--spp", 2, "--resolution", "40x40")
