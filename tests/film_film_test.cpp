@@ -84,6 +84,35 @@ TEST(Film, ImageIsTheScaledMean) {
   EXPECT_EQ(image.pixels[5], Rgb(10, 10, 10));
 }
 
+TEST(Film, NegativeLobesAreWeighedByTheirIntegralNotByTheirSamples) {
+  const FilterLobes lobes{1.25, 0.25};
+  Film film({2, 1, 0, 0, 2, 1}, 20, lobes);
+  ASSERT_EQ(film.sums().size(), 4u);
+  for (std::uint32_t s = 0; s < 5; ++s) film.at(0, 0).add(fixed({2, 3, 1}), s);
+  film.at(0, 0, true).add(fixed({2, 5, 9}), 5);
+  film.at(1, 0, true).add(fixed({4, 4, 4}), 0);  // nothing of the other kind
+  const Image image = film.image(1.f);
+  EXPECT_EQ(image.pixels[0], Rgb(2, 2.5f, -1)) << "1.25 a - 0.25 b";
+  EXPECT_EQ(image.pixels[1], Rgb(4, 4, 4));
+  EXPECT_EQ(film.samples(0), 6u);
+  EXPECT_EQ(film.samples(0, 1), 3u);
+  EXPECT_EQ(film.mean(0, 1, fixed_units(-20), 0), 3) << "the even half has no sample in the negative lobes";
+  EXPECT_EQ(film.mean(0, 1, fixed_units(-20), 1), 2.5);
+  EXPECT_EQ(std::get<std::vector<float>>(samples_layer(film).values), (std::vector<float>{6, 1}));
+}
+
+// However samples fall among the lobes: radiance that is the same everywhere is the pixel's.
+TEST(Film, NegativeLobesLeaveConstantPicturesAsTheyAre) {
+  std::mt19937 random(5);
+  Film film({16, 16, 0, 0, 16, 16}, 20, {1.6, 0.6});
+  for (std::uint32_t y = 0; y < 16; ++y)
+    for (std::uint32_t x = 0; x < 16; ++x)
+      for (std::uint32_t s = 0; s < 1 + (x + y) % 9; ++s) film.at(x, y, random() % 3 == 0).add(fixed({1, 2, 3}), s);
+  for (const Rgb& c : film.image(1.f).pixels)
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(c[i], static_cast<float>(i + 1), 1e-6f);
+  EXPECT_NEAR(film.estimated_relmse(1.f), 0, 1e-12);
+}
+
 TEST(Film, HalvesEstimateTheError) {
   Film one({2, 1, 0, 0, 2, 1}, 24);
   EXPECT_EQ(one.estimated_relmse(1), 0);

@@ -65,6 +65,24 @@ TEST(Checkpoint, KeepsTheLastDecision) {
   EXPECT_EQ(reader.position(), good);
 }
 
+TEST(Checkpoint, KeepsNegativeLobesApart) {
+  CheckpointJob job = a_job();
+  job.negative_lobes = true;
+  Bytes bytes = encode_header(job);
+  EXPECT_TRUE((*read_header(bytes))->negative_lobes);
+  EXPECT_NE(difference(job, a_job())->find("lobes"), std::string::npos);
+  TileSums tile = a_tile(1, 1, {{0, 4}}, 5);
+  const std::size_t pixels = tile.sums.size();
+  tile.sums.resize(2 * pixels, tile.sums.front());
+  for (std::size_t i = 0; i < tile.sums.size(); ++i) tile.sums[i].count = {static_cast<std::uint32_t>(i % 3), 1};
+  encode_record(tile, header_checksum(bytes), bytes);
+  CheckpointReader reader(bytes, job);
+  const auto read = reader.next();
+  ASSERT_TRUE(read);
+  EXPECT_TRUE(same(*read, tile));
+  EXPECT_FALSE(CheckpointReader(bytes, a_job()).next()) << "as many sums as pixels are expected there";
+}
+
 TEST(Checkpoint, KeepsWhatPathsHaveSeen) {
   CheckpointJob job = a_job();
   job.features = true;

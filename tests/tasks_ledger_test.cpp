@@ -50,6 +50,19 @@ TEST(Ledger, DropsInvalidSamplesAndCountsThem) {
   EXPECT_EQ(r.sums[7].count, (std::array<std::uint32_t, 2>{1, 0}));
 }
 
+TEST(Ledger, SumsNegativeLobesApart) {
+  RendererLedger l(kRange, kWidth, false, true);
+  EXPECT_EQ(l.record(end_of(11, 20, 4, 5)), Outcome::counted);
+  EXPECT_EQ(l.record(end_of(11, 20, 6, 7), true), Outcome::counted);
+  EXPECT_EQ(l.record(end_of(11, 20, 6, 7), true), Outcome::duplicate);
+  EXPECT_EQ(l.remaining(), 30u);
+  const auto r = std::move(l).reply();
+  ASSERT_EQ(r.sums.size(), 16u);
+  EXPECT_TRUE(r.sums[2].sum[0][0] == 5 && r.sums[3].sum[0][0] == 7);
+  EXPECT_EQ(r.sums[2].count, (std::array<std::uint32_t, 2>{1, 0}));
+  EXPECT_EQ(r.sums[3].count, (std::array<std::uint32_t, 2>{1, 0}));
+}
+
 TEST(Ledger, NamesMissingPathsAsTheCameraNumbersThem) {
   RendererLedger l(kRange, kWidth);
   for (std::uint32_t s = 4; s < 8; ++s) (void)l.record(end_of(10, 20, s, 1));

@@ -155,6 +155,25 @@ TEST(Codec, KeepsSumsOfWhatPathsHaveSeen) {
   EXPECT_GT(encode(Reply{{1, 2}, 3, r})->size(), without + 3 * 20);
 }
 
+TEST(Codec, KeepsSumsOfNegativeLobes) {
+  RendererReply r;
+  r.sums.resize(6);
+  r.features.resize(3);
+  r.negative_lobes = true;
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    r.sums[i].count = {i, 7};
+    r.sums[i].sum[1][2] = static_cast<Int128>(i) << 50;
+  }
+  const auto got = std::get<RendererReply>(there_and_back(Reply{{1, 2}, 3, r}).payload);
+  EXPECT_TRUE(got.negative_lobes);
+  EXPECT_EQ(got.features.size(), 3u);
+  ASSERT_EQ(got.sums.size(), 6u);
+  for (std::size_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(got.sums[i].count, r.sums[i].count);
+    EXPECT_TRUE(got.sums[i].sum == r.sums[i].sum) << i;
+  }
+}
+
 TEST(Codec, KeepsRays) {
   const auto got = std::get<OcclusionBlock>(there_and_back(some_rays(77)).payload);
   ASSERT_EQ(got.size(), 77u);

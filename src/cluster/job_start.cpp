@@ -102,6 +102,7 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   JobSpec spec;
   spec.frame = settings.film.frame;
   spec.k = settings.k;
+  spec.lobes = settings.lobes;
   spec.spp = settings.spp;
   spec.seed = settings.seed;
   for (std::uint32_t p = 0; p < manifest.parts.size(); ++p)

@@ -354,6 +354,7 @@ wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::
     h.add_features("paging");
     h.add_features("layers");
   }
+  h.add_features("lobes");
   h.add_features("changes");
   h.set_instruction_set(kInstructionSet);
   h.set_fingerprint(numeric_fingerprint());

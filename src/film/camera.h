@@ -66,10 +66,12 @@ class Filter {
   static std::unique_ptr<Filter> build(const Entity& desc, Warnings& warnings,
                                        Dialect dialect = Dialect::v2);
   virtual ~Filter() = default;
-  // Offset from the pixel's centre in pixels, and the weight (+-const for filters with negative
-  // lobes; mean 1).
-  virtual Vec2 sample(const Vec2& u, float& weight) const = 0;
-  virtual Vec2x8 sample8(const Vec2x8& u, Float8& weight) const = 0;
+  // Offset from the pixel's centre in pixels, with a density as the filter without its sign.
+  virtual Vec2 sample(const Vec2& u) const = 0;
+  virtual Vec2x8 sample8(const Vec2x8& u) const = 0;
+  // Whether sample(u) is where the filter is below zero.
+  virtual bool negative(const Vec2& u) const = 0;
+  virtual FilterLobes lobes() const { return {}; }
 };
 
 }  // namespace cloudrenderer

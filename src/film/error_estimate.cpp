@@ -16,10 +16,6 @@ constexpr double kOnce = 2.326, kRepeatedly = 6;
 constexpr float kShareOfNeighbour = 0.02f;
 constexpr float kBrightest = 1e15f;  // squares of sums of such stay finite
 
-double mean(Int128 sum, std::uint32_t count, double unit) {
-  return static_cast<double>(sum) * unit / static_cast<double>(count);
-}
-
 // One channel, row by row with a border: means of pixels, and the squared difference of their halves over 4. NaN: there
 // is nothing, so that the pixel in the middle stands for it.
 struct Plane {
@@ -90,26 +86,23 @@ struct PixelErrors {
 
 PixelErrors pixel_errors(const Film& film, float scale) {
   const double unit = fixed_units(-film.k()) * static_cast<double>(scale);
-  const auto sums = film.sums();
-  const std::size_t width = film.frame().crop_width(), height = width ? sums.size() / width : 0;
-  PixelErrors out{std::vector<double>(sums.size(), 0), std::vector<double>(sums.size(), 0)};
+  const std::size_t pixels = film.frame().pixels(), width = film.frame().crop_width(), height = width ? pixels / width : 0;
+  PixelErrors out{std::vector<double>(pixels, 0), std::vector<double>(pixels, 0)};
   for (std::size_t channel = 0; channel < 3; ++channel) {
     Plane plane(width, height);
-    std::vector<double> lower(sums.size()), squares(sums.size(), -1);
+    std::vector<double> lower(pixels), squares(pixels, -1);
     for (std::size_t y = 0; y < height; ++y) {
       for (std::size_t x = 0; x < width; ++x) {
-        const PixelSums& s = sums[y * width + x];
-        const std::size_t at = plane.at(x, y);
-        const std::uint32_t n = s.count[0] + s.count[1];
-        if (n == 0) continue;
-        const double m = mean(s.sum[0][channel] + s.sum[1][channel], n, unit);
-        plane.means[at] = std::clamp(static_cast<float>(m), -kBrightest, kBrightest);
-        if (s.count[0] == 0 || s.count[1] == 0) continue;
-        const double a = mean(s.sum[0][channel], s.count[0], unit), b = mean(s.sum[1][channel], s.count[1], unit);
+        const std::size_t at = plane.at(x, y), pixel = y * width + x;
+        const bool even = film.samples(pixel, 0) != 0, odd = film.samples(pixel, 1) != 0;
+        if (!even && !odd) continue;
+        plane.means[at] = std::clamp(static_cast<float>(film.mean(pixel, channel, unit)), -kBrightest, kBrightest);
+        if (!even || !odd) continue;
+        const double a = film.mean(pixel, channel, unit, 0), b = film.mean(pixel, channel, unit, 1);
         const double square = (a - b) * (a - b) / 4;
         plane.squares[at] = static_cast<float>(std::min(square, static_cast<double>(kBrightest) * static_cast<double>(kBrightest)));
-        squares[y * width + x] = square;
-        lower[y * width + x] = std::min(a, b);
+        squares[pixel] = square;
+        lower[pixel] = std::min(a, b);
       }
     }
     for (std::size_t y = 0; y < height; ++y) {
@@ -154,14 +147,12 @@ std::vector<double> Film::pixel_errors(float scale) const {
 
 std::vector<ImageChannel> error_layer(const Film& film, float scale) {
   const double unit = fixed_units(-film.k()) * static_cast<double>(scale);
-  const auto sums = film.sums();
   std::vector<ImageChannel> out;
   for (std::size_t channel = 0; channel < 3; ++channel) {
-    std::vector<float> deviations(sums.size());
-    for (std::size_t p = 0; p < sums.size(); ++p) {
-      const PixelSums& s = sums[p];
-      if (s.count[0] == 0 || s.count[1] == 0) continue;
-      const double a = mean(s.sum[0][channel], s.count[0], unit), b = mean(s.sum[1][channel], s.count[1], unit);
+    std::vector<float> deviations(film.frame().pixels());
+    for (std::size_t p = 0; p < deviations.size(); ++p) {
+      if (film.samples(p, 0) == 0 || film.samples(p, 1) == 0) continue;
+      const double a = film.mean(p, channel, unit, 0), b = film.mean(p, channel, unit, 1);
       deviations[p] = static_cast<float>(std::fabs(a - b) / 2);
     }
     out.push_back({std::string("error.") + "RGB"[channel], std::move(deviations)});
@@ -174,9 +165,8 @@ std::vector<ImageChannel> error_layer(const Film& film, float scale) {
 }
 
 ImageChannel samples_layer(const Film& film) {
-  std::vector<float> counts;
-  counts.reserve(film.sums().size());
-  for (const PixelSums& s : film.sums()) counts.push_back(static_cast<float>(s.count[0] + s.count[1]));
+  std::vector<float> counts(film.frame().pixels());
+  for (std::size_t p = 0; p < counts.size(); ++p) counts[p] = static_cast<float>(film.samples(p));
   return {"samples", std::move(counts)};
 }
 

@@ -38,7 +38,16 @@ inline Fixed3 quantise(const Rgb& c, double units, bool& clamped) {
 // 2^k
 double fixed_units(int k);
 
-// What a pixel has got so far; half h holds the samples s with (s & 1) == h.
+// Of a pixel filter, over its whole integral: the integral of what is above zero, and of what is below, both without sign.
+// Samples of negative lobes (mitchell, sinc) are summed apart, and the pixel is `above` times the mean of the ones minus
+// `below` times the mean of the others: of constant radiance it is that radiance, however the samples fall.
+struct FilterLobes {
+  double above = 1, below = 0;
+  std::size_t sums_per_pixel() const { return below > 0 ? 2 : 1; }
+  friend bool operator==(const FilterLobes&, const FilterLobes&) = default;
+};
+
+// What a pixel, or one kind of its filter's lobes, has got so far; half h holds the samples s with (s & 1) == h.
 struct PixelSums {
   std::array<std::array<Int128, 3>, 2> sum{};
   std::array<std::uint32_t, 2> count{};
@@ -74,18 +83,26 @@ struct Image {
 // The whole film on the manager. Not thread-safe.
 class Film {
  public:
-  Film(const FilmFrame& frame, int k) : frame_(frame), k_(k), sums_(frame.pixels()) {}
+  Film(const FilmFrame& frame, int k, const FilterLobes& lobes = {})
+      : frame_(frame), k_(k), lobes_(lobes), sums_(frame.pixels() * lobes.sums_per_pixel()) {}
   const FilmFrame& frame() const { return frame_; }
   int k() const { return k_; }
-  PixelSums& at(std::uint32_t x,
-                std::uint32_t y) {  // full-resolution coordinates inside the crop window
-    return sums_[std::size_t{y - frame_.y0} * frame_.crop_width() + (x - frame_.x0)];
+  std::size_t sums_per_pixel() const { return lobes_.sums_per_pixel(); }
+  // Full-resolution coordinates inside the crop window. Of samples in negative lobes, where the filter has some.
+  PixelSums& at(std::uint32_t x, std::uint32_t y, bool negative = false) {
+    return sums_[(std::size_t{y - frame_.y0} * frame_.crop_width() + (x - frame_.x0)) * sums_per_pixel() + (negative ? 1 : 0)];
   }
+  // Row by row, sums_per_pixel() of each pixel: positive lobes first.
   std::span<PixelSums> sums() { return sums_; }
   std::span<const PixelSums> sums() const { return sums_; }
-  // Of one pixel, as in image().
-  Rgb colour(const PixelSums& pixel, float scale) const;
-  Image image(float scale) const;  // sum / count * scale, rounded once; black where count is 0
+  // By the number of a pixel, row by row.
+  std::uint32_t samples(std::size_t pixel) const { return samples(pixel, 0) + samples(pixel, 1); }
+  std::uint32_t samples(std::size_t pixel, std::size_t half) const;
+  // Times `unit`, radiance in one unit of fixed point. The pixel, or half, has samples.
+  double mean(std::size_t pixel, std::size_t channel, double unit) const;
+  double mean(std::size_t pixel, std::size_t channel, double unit, std::size_t half) const;
+  Rgb colour(std::size_t pixel, float scale) const;  // as in image()
+  Image image(float scale) const;  // mean * scale, rounded once; black where there are no samples
   // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (m^2 + 0.01), a and
   // b the means of the two halves, m the median of the pixel's and its four neighbours' means, or
   // the smaller of a and b, or a fiftieth of the brightest neighbour (the edge of a light), whatever
@@ -110,6 +127,7 @@ class Film {
  private:
   FilmFrame frame_;
   int k_;
+  FilterLobes lobes_;
   std::vector<PixelSums> sums_;
 };
 

@@ -9,16 +9,18 @@
 namespace cloudrenderer {
 namespace {
 
+constexpr double kMostAmplified = 1000;  // the integral of |f| over that of f
+
 class BoxFilter final : public Filter {
  public:
   explicit BoxFilter(const Vec2& width) : width_(width) {}
-  Vec2 sample(const Vec2& u, float& weight) const override { return point(u, weight); }
-  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
+  Vec2 sample(const Vec2& u) const override { return point(u); }
+  Vec2x8 sample8(const Vec2x8& u) const override { return point(u); }
+  bool negative(const Vec2&) const override { return false; }
 
  private:
   template <class F>
-  Vec2Of<F> point(const Vec2Of<F>& u, F& weight) const {
-    weight = 1;
+  Vec2Of<F> point(const Vec2Of<F>& u) const {
     return {(2.f * u.x - 1.f) * width_.x, (2.f * u.y - 1.f) * width_.y};
   }
   Vec2 width_;
@@ -27,8 +29,9 @@ class BoxFilter final : public Filter {
 class TriangleFilter final : public Filter {
  public:
   explicit TriangleFilter(const Vec2& width) : width_(width) {}
-  Vec2 sample(const Vec2& u, float& weight) const override { return point(u, weight); }
-  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override { return point(u, weight); }
+  Vec2 sample(const Vec2& u) const override { return point(u); }
+  Vec2x8 sample8(const Vec2x8& u) const override { return point(u); }
+  bool negative(const Vec2&) const override { return false; }
 
  private:
   template <class F>
@@ -37,14 +40,13 @@ class TriangleFilter final : public Filter {
     return lanes::select(u < 0.5f, root - 1.f, 1.f - root);
   }
   template <class F>
-  Vec2Of<F> point(const Vec2Of<F>& u, F& weight) const {
-    weight = 1;
+  Vec2Of<F> point(const Vec2Of<F>& u) const {
     return {tent(u.x) * width_.x, tent(u.y) * width_.y};
   }
   Vec2 width_;
 };
 
-// One axis of a separable filter: a table of |f|, and the sign with which a sample counts.
+// One axis of a separable filter: a table of |f|, and where f is negative.
 class TabulatedAxis {
  public:
   static constexpr std::size_t kCells = 2048;
@@ -60,23 +62,22 @@ class TabulatedAxis {
       negative_[i] = v < 0;
     }
     distribution_ = Distribution1D(values);
-    double mean = 0;  // of the signs of samples
     for (std::size_t i = 0; i < kCells; ++i)
-      mean += static_cast<double>(negative_[i] ? -distribution_.cell_probability(i) : distribution_.cell_probability(i));
-    magnitude_ = mean > 0 ? static_cast<float>(1 / mean) : 1.f;
+      if (negative_[i]) share_below_ += static_cast<double>(distribution_.cell_probability(i));
   }
 
-  float sample(float u, float& weight) const {
+  float sample(float u, bool& negative) const {
     float pdf;
     std::size_t cell;
     const float x = distribution_.sample(u, pdf, cell);
-    weight = negative_[cell] ? -magnitude_ : magnitude_;
+    negative = negative_[cell];
     return (2.f * x - 1.f) * width_;
   }
+  double share_below() const { return share_below_; }  // of samples
 
  private:
   float width_;
-  float magnitude_ = 1;  // integral of |f| over that of f, so that weights have mean 1
+  double share_below_ = 0;
   Distribution1D distribution_;
   std::array<bool, kCells> negative_{};
 };
@@ -86,27 +87,37 @@ class TabulatedFilter final : public Filter {
   template <class F>
   TabulatedFilter(const Vec2& width, F&& f)
       : x_(width.x, [&](double t) { return f(t, static_cast<double>(width.x)); }),
-        y_(width.y, [&](double t) { return f(t, static_cast<double>(width.y)); }) {}
-  Vec2 sample(const Vec2& u, float& weight) const override {
-    float wx, wy;
-    const Vec2 out(x_.sample(u.x, wx), y_.sample(u.y, wy));
-    weight = wx * wy;
-    return out;
+        y_(width.y, [&](double t) { return f(t, static_cast<double>(width.y)); }) {
+    // Below zero is where one axis is and the other is not.
+    const double px = x_.share_below(), py = y_.share_below(), below = px * (1 - py) + py * (1 - px);
+    if (below == 0) return;
+    lobes_ = {(1 - below) / (1 - 2 * below), below / (1 - 2 * below)};
   }
-  Vec2x8 sample8(const Vec2x8& u, Float8& weight) const override {
+  Vec2 sample(const Vec2& u) const override {
+    bool negative;
+    return {x_.sample(u.x, negative), y_.sample(u.y, negative)};
+  }
+  Vec2x8 sample8(const Vec2x8& u) const override {
     Vec2x8 out;
     for (std::size_t i = 0; i < kLanes; ++i) {
-      float one;
-      const Vec2 p = sample(lanes::get(u, i), one);
+      const Vec2 p = sample(lanes::get(u, i));
       lanes::put(out.x, i, p.x);
       lanes::put(out.y, i, p.y);
-      lanes::put(weight, i, one);
     }
     return out;
   }
+  bool negative(const Vec2& u) const override {
+    if (lobes_.below == 0) return false;
+    bool x, y;
+    x_.sample(u.x, x);
+    y_.sample(u.y, y);
+    return x != y;
+  }
+  FilterLobes lobes() const override { return lobes_; }
 
  private:
   TabulatedAxis x_, y_;
+  FilterLobes lobes_;
 };
 
 // Mitchell and Netravali 1988, support [-2, 2].
@@ -166,6 +177,8 @@ std::unique_ptr<Filter> make(const Entity& desc, Dialect dialect, Warnings& warn
 
 std::unique_ptr<Filter> Filter::build(const Entity& desc, Warnings& warnings, Dialect dialect) {
   std::unique_ptr<Filter> filter = make(desc, dialect, warnings);
+  if (const FilterLobes lobes = filter->lobes(); !(lobes.above + lobes.below <= kMostAmplified))
+    throw SceneError{desc.location, "the filter's positive and negative lobes cancel: its picture would be noise"};
   desc.params.report_unused("PixelFilter \"" + desc.type + "\"", warnings);
   return filter;
 }

@@ -85,8 +85,8 @@ ImageDifference compare_images(const Image& a, const Image& b, bool ignore_nonfi
     }
     ++counted;
   }
-  for (std::size_t i = 0; i < 3; ++i)
-    out.mean_ratio[i] = sum_a[i] / std::max(sum_b[i], 1e-9 * counted);
+  const double least = 1e-9 * counted;  // below zero are means of pictures by filters with negative lobes
+  for (std::size_t i = 0; i < 3; ++i) out.mean_ratio[i] = sum_a[i] / (std::fabs(sum_b[i]) > least ? sum_b[i] : least);
   return out;
 }
 

@@ -95,6 +95,10 @@ class PathEngine {
   virtual void mark_tested(PathSegment& segment, float t_max, const std::vector<bool>& answered) const = 0;
   // True if something in the scene moves, so that rays have times.
   virtual bool has_motion() const { return false; }
+  // Whether the pixel filter is negative where the sample is (full-resolution number of the pixel, row by row): its
+  // radiance is summed apart then, see FilterLobes.
+  virtual bool in_negative_lobe(std::uint32_t, std::uint32_t) const { return false; }
+  virtual bool has_negative_lobes() const { return false; }
   // Film position of a segment's contribution, so that drivers can sum path ends: width of the full film.
   virtual std::uint32_t film_width() const = 0;
 };

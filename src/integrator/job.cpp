@@ -3,6 +3,8 @@
 #include <cmath>
 #include <set>
 
+#include "film/camera.h"
+
 namespace cloudrenderer {
 
 namespace {
@@ -124,6 +126,8 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   }
   if (!overrides.integrator && source == &scene.integrator)
     source->params.report_unused((v2 ? "SurfaceIntegrator \"" : "Integrator \"") + scene.integrator.type + "\"", warnings);
+  Warnings said_later;  // by who renders with it
+  job.lobes = Filter::build(scene.filter, said_later, scene.dialect)->lobes();
   // One unit of the film is 2^-30 of a contribution of one; a film scale far from one moves that along.
   const float scale = job.film.scale > 0 && std::isfinite(job.film.scale) ? job.film.scale : 1.f;
   job.k = std::clamp(30 + std::ilogb(scale), 0, 50);

@@ -42,6 +42,7 @@ struct JobSettings {
   float ao_distance = kInfinity;
   bool ao_cosine = false;
   int k = 30;  // fixed point: units of 2^-k
+  FilterLobes lobes;  // of the scene's filter
   bool features = false;  // paths tell what they see, see film/features.h
   int length_k = 32;      // of depths and positions, see feature_length_k()
 };

@@ -111,9 +111,8 @@ struct RendererRange {
   std::uint32_t task = 0;
   std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;    // full-resolution pixels
   std::uint32_t sample_begin = 0, sample_end = 0;
-  std::uint64_t paths() const {
-    return std::uint64_t{x1 - x0} * (y1 - y0) * (sample_end - sample_begin);
-  }
+  std::uint64_t pixels() const { return std::uint64_t{x1 - x0} * (y1 - y0); }
+  std::uint64_t paths() const { return pixels() * (sample_end - sample_begin); }
 };
 
 }  // namespace cloudrenderer

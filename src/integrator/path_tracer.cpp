@@ -156,14 +156,13 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
       corners.put(0, lane, Vec2(0.f));
       sequences[lane] = sequences[0];
     }
-    Float8 filter_weight;
-    const Vec2x8 offset = filter_->sample8(SampleSequence::get_2d(sequences, 0), filter_weight);
+    const Vec2x8 offset = filter_->sample8(SampleSequence::get_2d(sequences, 0));
     const Vec2x8 film = corners.two(0) + Vec2x8(Float8(0.5f)) + offset;
     const CameraRay8 ray = camera_->ray8(film, lens ? SampleSequence::get_2d(sequences, 1) : Vec2x8(Float8(0.5f)));
     Columns<9> made;
     made.store(0, ray.origin);
     made.store(3, ray.direction);
-    made.store(6, filter_weight * ray.weight);
+    made.store(6, ray.weight);
     made.store(7, ray.cone_width);
     made.store(8, ray.cone_spread);
     for (std::size_t lane = 0; lane < n; ++lane) {
@@ -191,6 +190,10 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
       }
     }
   }
+}
+
+bool PathTracer::in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const {
+  return filter_->negative(SampleSequence(job_.sequence, job_.seed, pixel, sample).get_2d(0));
 }
 
 // Of a path that is of one channel; else all channels are alike to grids.

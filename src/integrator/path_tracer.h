@@ -38,6 +38,8 @@ class PathTracer final : public PathEngine {
   void nearest(std::span<const OcclusionRay> rays, std::span<AnsweredHit> hits) const override;
   void mark_tested(PathSegment& segment, float t_max, const std::vector<bool>& answered) const override;
   bool has_motion() const override { return motion_; }
+  bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const override;
+  bool has_negative_lobes() const override { return job_.lobes.sums_per_pixel() > 1; }
   std::uint32_t film_width() const override { return job_.film.frame.width; }
 
   const JobSettings& job() const { return job_; }

@@ -17,6 +17,7 @@ constexpr std::uint32_t kVersion = 3, kTileMark = 0x656c6974, kGoalMark = 0x6c61
 constexpr std::size_t kRecordHeaderBytes = 16, kBodyHeaderBytes = 40;
 constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
+constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2;
 constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they are");
@@ -100,6 +101,7 @@ CheckpointJob checkpoint_job(std::uint64_t split, const JobSettings& s) {
   job.ao_distance = s.ao_distance;
   job.footprint_spp = s.spp;
   job.features = s.features;
+  job.negative_lobes = s.lobes.sums_per_pixel() > 1;
   return job;
 }
 
@@ -136,6 +138,7 @@ std::optional<std::string> difference(const CheckpointJob& made, const Checkpoin
   if (made.features != now.features)
     return std::string(made.features ? "layers of what paths see" : "no layers of what paths see") + ", this render has " +
            (now.features ? "some" : "none") + " (--layers)";
+  if (made.negative_lobes != now.negative_lobes) return "samples of the filter's negative lobes summed in another way";
   if (made.split != now.split)
     return differs("split", fmt::format("{:016x}", made.split), fmt::format("{:016x}", now.split)) +
            " (the scene's files or --part-size are not the same)";
@@ -159,7 +162,7 @@ Bytes encode_header(const CheckpointJob& job) {
   put(out, static_cast<std::uint32_t>(job.ao_cosine));
   put(out, job.ao_distance);
   put(out, job.footprint_spp);
-  put(out, static_cast<std::uint32_t>(job.features));
+  put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u));
   put(out, hash(out));
   static_assert(kCheckpointHeaderBytes == 8 + 2 * 4 + 3 * 8 + 6 * 4 + 10 * 4 + 8);
   return out;
@@ -197,10 +200,11 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   job.ao_cosine = in.take<std::uint32_t>() != 0;
   job.ao_distance = in.take<float>();
   job.footprint_spp = in.take<std::uint32_t>();
-  const auto features = in.take<std::uint32_t>();
-  job.features = features != 0;
+  const auto flags = in.take<std::uint32_t>();
+  job.features = (flags & kJobFeatures) != 0;
+  job.negative_lobes = (flags & kJobNegativeLobes) != 0;
   if (f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 || f.y0 >= f.y1 ||
-      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || features > 1 ||
+      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || flags > (kJobFeatures | kJobNegativeLobes) ||
       integrator > static_cast<std::uint32_t>(IntegratorKind::ambient_occlusion))
     return fail("its header makes no sense");
   job.integrator = static_cast<IntegratorKind>(integrator);
@@ -315,10 +319,10 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
       t.x1 != std::min(f.x1, t.x0 + tile) || t.y1 != std::min(f.y1, t.y0 + tile) || width < 1 ||
       width > 16 || ranges == 0)
     return std::nullopt;
-  const std::uint64_t pixels = std::uint64_t{t.x1 - t.x0} * (t.y1 - t.y0);
+  const std::uint64_t pixels = std::uint64_t{t.x1 - t.x0} * (t.y1 - t.y0), sums = pixels * (job_.negative_lobes ? 2 : 1);
   const bool counts = (flags & kCounts) != 0;
   if (body.size() !=
-      kBodyHeaderBytes + std::uint64_t{8} * ranges + pixels * (6 * width + (counts ? 8 : 0) + (job_.features ? kFeatureBytes : 0)))
+      kBodyHeaderBytes + std::uint64_t{8} * ranges + sums * (6 * width + (counts ? 8 : 0)) + pixels * (job_.features ? kFeatureBytes : 0))
     return std::nullopt;
   SampleSet set;
   for (std::uint32_t i = 0; i < ranges; ++i) {
@@ -328,7 +332,7 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
     t.samples.push_back(r);
   }
   const auto expected = counts_of(t.samples);
-  t.sums.resize(pixels);
+  t.sums.resize(sums);
   for (PixelSums& p : t.sums) {
     p.count = expected;
     if (counts)

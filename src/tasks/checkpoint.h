@@ -5,7 +5,7 @@
 // All numbers are little-endian. The header:
 //   8 bytes "crckpt\r\n", u32 version, u32 bytes of the header, u64 split, u64 fingerprint,
 //   u64 seed, u32 width, height, x0, y0, x1, y1, i32 k, u32 tile, u32 integrator, light_vertices,
-//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 features (0 or 1),
+//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes),
 //   u64 XXH3-64 of all that is before it
 // A record:
 //   u32 "tile", u32 bytes of its body, u64 XXH3-64 of the body, seeded with the header's checksum
@@ -15,8 +15,9 @@
 //   sample ranges, u8 flags (1: not bit-exact; 2: counts follow), u8 width of a sum in bytes,
 //   u16 0, u64 invalid samples, u64 clamped samples, the ranges (u32 begin, end), then row by row
 //   for every pixel: with flag 2 the samples counted (u32 even, odd), and six sums in two's
-//   complement (even R G B, odd R G B). Without flag 2 every sample of the ranges is counted. With features, for
-//   every pixel: u32 hits, u32 ids (shape, primitive, material), and ten sums of 16 bytes (film/features.h).
+//   complement (even R G B, odd R G B), where the filter has negative lobes all this for samples in positive ones and
+//   then for those in negative ones. Without flag 2 every sample of the ranges is counted. With features, for every pixel:
+//   u32 hits, u32 ids (shape, primitive, material), and ten sums of 16 bytes (film/features.h).
 // A record of a decision (adaptive sampling), before the samples that it asks for:
 //   u32 "goal", u32 bytes, u64 checksum as above, then for every tile of the film, row by row, u32: samples
 //   that each of its pixels has when the round is complete
@@ -51,6 +52,7 @@ struct CheckpointJob {
   float ao_distance = 0;
   std::uint32_t footprint_spp = 0;  // that textures are filtered for: of the first run
   bool features = false;
+  bool negative_lobes = false;  // of the filter: samples in them are summed apart
   friend bool operator==(const CheckpointJob&, const CheckpointJob&) = default;
 };
 // Tile and fingerprint are the cluster's, and left out.
@@ -66,8 +68,8 @@ struct TileSums {
   std::vector<SampleRange> samples;  // ascending, apart
   std::uint64_t invalid = 0, clamped = 0;
   bool exact = true;            // no host with other arithmetic took part
-  std::vector<PixelSums> sums;  // row by row
-  std::vector<PixelFeatures> features{};  // likewise, in jobs with features
+  std::vector<PixelSums> sums;  // as Film::sums()
+  std::vector<PixelFeatures> features{};  // row by row, in jobs with features
 };
 
 using Bytes = std::vector<std::byte>;

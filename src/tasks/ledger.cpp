@@ -6,15 +6,16 @@ namespace {
 constexpr std::uint8_t kEnded = 4, kAll = kTellsHit | kTellsSurface | kEnded;
 }
 
-RendererLedger::RendererLedger(const RendererRange& range, std::uint32_t film_width, bool features)
+RendererLedger::RendererLedger(const RendererRange& range, std::uint32_t film_width, bool features, bool negative_lobes)
     : range_(range),
       film_width_(film_width),
+      sums_per_pixel_(negative_lobes ? 2 : 1),
       remaining_(range.paths()),
       bits_((range.paths() + 63) / 64),
-      sums_(std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) {
+      sums_(range.pixels() * sums_per_pixel_) {
   if (!features) return;
   arrived_.resize(range.paths());
-  features_.resize(sums_.size());
+  features_.resize(range.pixels());
 }
 
 std::optional<RendererLedger::Place> RendererLedger::place(std::uint32_t task, std::uint32_t pixel, std::uint32_t sample) const {
@@ -38,7 +39,7 @@ void RendererLedger::arrived(const Place& at, std::uint8_t what) {
   complete(at);
 }
 
-RendererLedger::Outcome RendererLedger::record(const PathEnd& e) {
+RendererLedger::Outcome RendererLedger::record(const PathEnd& e, bool negative_lobe) {
   const auto at = place(e.task, e.pixel, e.sample);
   if (!at) return Outcome::foreign;
   if (arrived_.empty()) {
@@ -53,7 +54,7 @@ RendererLedger::Outcome RendererLedger::record(const PathEnd& e) {
   if (e.flags & kEndInvalid) {
     ++invalid_;  // the sample is dropped: it has arrived, but its pixel does not count it
   } else {
-    sums_[at->pixel].add(e.radiance, e.sample);
+    sums_[at->pixel * sums_per_pixel_ + (negative_lobe ? 1 : 0)].add(e.radiance, e.sample);
   }
   return Outcome::counted;
 }
@@ -92,7 +93,7 @@ std::vector<RendererLedger::Run> RendererLedger::missing() const {
 }
 
 wire::RendererReply RendererLedger::reply() && {
-  return {range_.task, std::move(sums_), invalid_, clamped_, std::move(features_)};
+  return {range_.task, std::move(sums_), invalid_, clamped_, std::move(features_), sums_per_pixel_ > 1};
 }
 
 }  // namespace cloudrenderer

@@ -31,7 +31,7 @@ bool ManagerCore::can(const wire::Hello& hello, wire::Category category) {
 ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
     : options_(options),
       job_(std::move(job)),
-      film_(job_.frame, job_.k),
+      film_(job_.frame, job_.k, job_.lobes),
       features_(job_.start.features() ? job_.frame.pixels() : 0),
       generation_(options.first_generation),
       fingerprint_(options.fingerprint),
@@ -62,6 +62,8 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
     return refuse("the host neither traces nor intersects: there is no work for it");
   if (job_.start.features() && can(hello, wire::TRACER) && !has_feature(hello, "layers"))
     return refuse("the job has layers of what paths see, and the host does not know how to tell it (\"layers\")");
+  if (film_.sums_per_pixel() > 1 && can(hello, wire::RENDERER) && !has_feature(hello, "lobes"))
+    return refuse("the scene's pixel filter has negative lobes, and the host does not know how to sum them apart (\"lobes\")");
   const std::uint64_t least = main_bytes() + job_.parts[0].build;
   if (can(hello, wire::TRACER) && hello.memory() < least)
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +

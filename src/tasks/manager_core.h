@@ -63,6 +63,7 @@ struct JobSpec {
   wire::JobStart start;  // sent to every host as it is
   FilmFrame frame;
   int k = 0;
+  FilterLobes lobes;
   std::uint32_t spp = 1;
   std::uint64_t seed = 0;
   std::vector<PlacementPart> parts;  // [0] the main scene's geometry

@@ -17,18 +17,21 @@ constexpr double kTurnPause = 2e-5;
 constexpr std::uint32_t kMostTasksPerHost = 32;  // of many hosts: more replies than needed are work for the manager
 
 // Whether a reply has sums for every pixel, and every sample once: counted or invalid.
-bool fits(const wire::RendererReply& r, const RendererRange& range, bool features) {
-  if (r.sums.size() != std::size_t{range.x1 - range.x0} * (range.y1 - range.y0)) return false;
-  if (r.features.size() != (features ? r.sums.size() : 0)) return false;
+bool fits(const wire::RendererReply& r, const RendererRange& range, bool features, std::size_t per_pixel) {
+  if (r.negative_lobes != (per_pixel > 1) || r.sums.size() != range.pixels() * per_pixel) return false;
+  if (r.features.size() != (features ? range.pixels() : 0)) return false;
   const std::uint32_t samples = range.sample_end - range.sample_begin;
   for (const PixelFeatures& p : r.features)
     if (p.samples != samples || p.hits > samples) return false;
   const std::uint32_t even = (range.sample_end + 1) / 2 - (range.sample_begin + 1) / 2;
   const std::uint32_t odd = range.sample_end / 2 - range.sample_begin / 2;
   std::uint64_t counted = 0;
-  for (const PixelSums& p : r.sums) {
-    if (p.count[0] > even || p.count[1] > odd) return false;
-    counted += p.count[0] + p.count[1];
+  for (auto p = r.sums.begin(); p != r.sums.end();) {
+    std::array<std::uint64_t, 2> count{};
+    for (std::size_t i = 0; i < per_pixel; ++i, ++p)
+      for (std::size_t half = 0; half < 2; ++half) count[half] += p->count[half];
+    if (count[0] > even || count[1] > odd) return false;
+    counted += count[0] + count[1];
   }
   return r.invalid == range.paths() - counted;
 }
@@ -162,8 +165,8 @@ bool ManagerCore::restore(const TileSums& t) {
   const std::size_t tile = (t.y0 - f.y0) / tile_ * std::size_t{tiles_x_} + (t.x0 - f.x0) / tile_;
   const RendererRange r = tile_range(tile);
   if (t.x0 != r.x0 || t.y0 != r.y0 || t.x1 != r.x1 || t.y1 != r.y1 ||
-      t.sums.size() != std::size_t{r.x1 - r.x0} * (r.y1 - r.y0) || t.samples.empty() ||
-      t.features.size() != (job_.start.features() ? t.sums.size() : 0))
+      t.sums.size() != r.pixels() * film_.sums_per_pixel() || t.samples.empty() ||
+      t.features.size() != (job_.start.features() ? r.pixels() : 0))
     return false;
   SampleSet all = covered_[tile];
   for (const SampleRange& s : t.samples)
@@ -188,7 +191,8 @@ std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
   const std::uint32_t width = job_.frame.crop_width();
   for (std::uint32_t y = r.y0; y < r.y1; ++y) {
     const std::size_t row = std::size_t{y - job_.frame.y0} * width - job_.frame.x0;
-    const auto sums = film_.sums().subspan(row + r.x0, r.x1 - r.x0);
+    const std::size_t per_pixel = film_.sums_per_pixel();
+    const auto sums = film_.sums().subspan((row + r.x0) * per_pixel, (r.x1 - r.x0) * per_pixel);
     t.sums.insert(t.sums.end(), sums.begin(), sums.end());
     if (features_.empty()) continue;
     const auto features = std::span(features_).subspan(row + r.x0, r.x1 - r.x0);
@@ -362,7 +366,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   if (it == outstanding_.end() || it->second.host != from)
     return void(++progress_.dropped_messages);
   const RendererRange range = it->second.range;
-  if (!fits(*r, range, job_.start.features())) {  // nor would it answer once more
+  if (!fits(*r, range, job_.start.features(), film_.sums_per_pixel())) {  // nor would it answer once more
     ++progress_.dropped_messages;
     return remove(from, true, now);
   }
@@ -398,7 +402,7 @@ void ManagerCore::merge(const RendererRange& range, std::span<const PixelSums> s
   auto feature = features.begin();
   for (std::uint32_t y = range.y0; y < range.y1; ++y)
     for (std::uint32_t x = range.x0; x < range.x1; ++x) {
-      film_.at(x, y).merge(*sum++);
+      for (std::size_t i = 0; i < film_.sums_per_pixel(); ++i) film_.at(x, y, i != 0).merge(*sum++);
       if (!features_.empty())
         features_[std::size_t{y - job_.frame.y0} * job_.frame.crop_width() + (x - job_.frame.x0)].merge(*feature++);
     }

@@ -41,9 +41,9 @@ struct ParkedAsks {
 // once. In jobs with features it is complete when its path has told all (or that there is nothing), in any order.
 class RendererLedger {
  public:
-  RendererLedger(const RendererRange& range, std::uint32_t film_width, bool features = false);
+  RendererLedger(const RendererRange& range, std::uint32_t film_width, bool features = false, bool negative_lobes = false);
   enum class Outcome { counted, duplicate, foreign };
-  Outcome record(const PathEnd& end);
+  Outcome record(const PathEnd& end, bool negative_lobe = false);  // true only if the ledger has negative lobes
   Outcome record(const PathFeatures& features);
   const RendererRange& range() const { return range_; }
   std::uint64_t remaining() const { return remaining_; }
@@ -65,6 +65,7 @@ class RendererLedger {
 
   RendererRange range_;
   std::uint32_t film_width_;
+  std::size_t sums_per_pixel_;
   std::uint64_t remaining_;
   std::vector<std::uint64_t> bits_;
   std::vector<PixelSums> sums_;

@@ -62,7 +62,7 @@ std::string encode_coarse(const ManagerCore& core, float scale, std::size_t most
   for (std::uint32_t y = 0; y < h; y += step)
     for (std::uint32_t x = 0; x < w; x += step) {
       const std::size_t row = std::min(y + step / 2, h - 1);
-      pixels.push_back(film.colour(film.sums()[row * w + std::min(x + step / 2, w - 1)], scale));
+      pixels.push_back(film.colour(row * w + std::min(x + step / 2, w - 1), scale));
     }
   return with_pixels({step, size(w, step), size(h, step)}, pixels);
 }
@@ -99,7 +99,7 @@ std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile,
   out.reserve(pixels_of(tile));
   for (std::uint32_t y = tile.y0; y < tile.y1; ++y) {
     const std::size_t row = std::size_t{y - frame.y0} * frame.crop_width() - frame.x0;
-    for (std::uint32_t x = tile.x0; x < tile.x1; ++x) out.push_back(film.colour(film.sums()[row + x], scale));
+    for (std::uint32_t x = tile.x0; x < tile.x1; ++x) out.push_back(film.colour(row + x, scale));
   }
   return out;
 }

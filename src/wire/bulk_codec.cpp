@@ -57,7 +57,7 @@ std::size_t end_bytes(std::size_t radiance_bytes) { return 16 + 3 * radiance_byt
 std::size_t features_bytes(std::size_t value_bytes) { return 16 + 4 * kFeatureIds + kFeatureNumbers * value_bytes; }
 // Of a pixel in the reply of a renderer task.
 std::size_t sums_bytes(const ReplyControl& c) {
-  return 8 + 6 * std::size_t{c.sum_bytes()} +
+  return (c.negative_lobes() ? 2 : 1) * (8 + 6 * std::size_t{c.sum_bytes()}) +
          (c.feature_bytes() ? 8 + 4 * kFeatureIds + kFeatureNumbers * std::size_t{c.feature_bytes()} : 0);
 }
 std::size_t miss_bytes(const ReplyControl& c) { return c.windows() ? 10 : 8; }
@@ -219,7 +219,8 @@ ReplyControl control_of(const Reply& m) {
       for (const auto& half : p.sum)
         for (const Int128& v : half) width = std::max(width, width_of(v));
     c.set_category(RENDERER);
-    c.set_count(static_cast<std::uint32_t>(renderer.sums.size()));
+    c.set_count(static_cast<std::uint32_t>(renderer.sums.size() / (renderer.negative_lobes ? 2 : 1)));
+    c.set_negative_lobes(renderer.negative_lobes);
     c.set_task(renderer.task);
     c.set_sum_bytes(width);
     if (!renderer.features.empty()) {
@@ -384,8 +385,7 @@ Result<Message> read_submit(const SubmitControl& c, std::span<const std::byte> b
   const RendererRange r{c.task(), c.x0(), c.y0(), c.x1(), c.y1(), c.sample_begin(), c.sample_end()};
   if (r.x0 >= r.x1 || r.y0 >= r.y1 || r.sample_begin >= r.sample_end)
     return failure("an empty renderer task");
-  const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
-  if (pixels > kMaxTaskPixels || pixels * (r.sample_end - r.sample_begin) > kMaxTaskPaths)
+  if (r.pixels() > kMaxTaskPixels || r.pixels() * (r.sample_end - r.sample_begin) > kMaxTaskPaths)
     return failure("a renderer task is too large");
   m.payload = r;
   return Message(std::move(m));
@@ -436,7 +436,8 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
     r.task = c.task();
     r.invalid = c.invalid();
     r.clamped = c.clamped();
-    r.sums.resize(n);
+    r.negative_lobes = c.negative_lobes();
+    r.sums.resize(r.negative_lobes ? 2 * n : n);
     ColumnReader in(bulk);
     for (PixelSums& p : r.sums) in.get(p.count);
     for (PixelSums& p : r.sums)

@@ -92,9 +92,10 @@ struct NearestReply {
 };
 struct RendererReply {
   std::uint32_t task = 0;
-  std::vector<PixelSums> sums;             // row by row over the task's tile
+  std::vector<PixelSums> sums;             // row by row over the task's tile; with negative lobes two of each pixel
   std::uint64_t invalid = 0, clamped = 0;  // samples
-  std::vector<PixelFeatures> features{};   // likewise, in jobs with features
+  std::vector<PixelFeatures> features{};   // row by row, in jobs with features
+  bool negative_lobes = false;             // of the pixel filter
 };
 struct Refusal {};  // "not a holder at your epoch": nothing was done
 

@@ -81,6 +81,7 @@ class Simulation {
     j.start.set_spp(s_.spp);
     j.start.set_columns(wire::kAllColumns);
     j.start.set_features(s_.scene.features);
+    if (s_.scene.negative_lobes) j.lobes = {1.5, 0.5};
     return j;
   }
 
@@ -92,6 +93,7 @@ class Simulation {
       j.frame = job().frame;
       j.tile = manager_.tile_size();
       j.features = s_.scene.features;
+      j.negative_lobes = s_.scene.negative_lobes;
       journal_ = encode_header(j);
     }
     for (const TileSums& t : merged) encode_record(t, header_checksum(journal_), journal_);
@@ -381,8 +383,10 @@ class Simulation {
   // Of every pixel exactly the samples that the manager says it has, each once.
   void check_film() {
     const auto [paths, told] = reference(s_);
-    std::vector<PixelSums> expected(std::size_t{s_.scene.width} * s_.height);
-    std::vector<PixelFeatures> features(s_.scene.features ? expected.size() : 0);
+    const MadeUpEngine engine(s_.scene);
+    const std::size_t pixels = std::size_t{s_.scene.width} * s_.height, per_pixel = manager_.film().sums_per_pixel();
+    std::vector<PixelSums> expected(pixels * per_pixel);
+    std::vector<PixelFeatures> features(s_.scene.features ? pixels : 0);
     std::uint64_t samples = 0;
     for (std::size_t t = 0; t < manager_.tiles(); ++t) {
       const auto tile = manager_.tile_sums(t);
@@ -393,7 +397,8 @@ class Simulation {
             for (std::uint32_t i = range.begin; i < range.end; ++i, ++samples) {
               const std::size_t pixel = std::size_t{y} * s_.scene.width + x;
               const PathEnd& e = paths[pixel * s_.spp + i];
-              if (!(e.flags & kEndInvalid)) expected[pixel].add(e.radiance, i);
+              const bool negative = engine.in_negative_lobe(static_cast<std::uint32_t>(pixel), i);
+              if (!(e.flags & kEndInvalid)) expected[pixel * per_pixel + (negative ? 1 : 0)].add(e.radiance, i);
               if (!told.empty()) features[pixel].merge(told[pixel * s_.spp + i]);
             }
     }
@@ -401,7 +406,7 @@ class Simulation {
     const auto got = manager_.film().sums();
     for (std::size_t i = 0; i < expected.size(); ++i)
       if (expected[i].count != got[i].count || expected[i].sum != got[i].sum)
-        return fail("pixel " + std::to_string(i) + " differs");
+        return fail("pixel " + std::to_string(i / per_pixel) + " differs");
     if (features != manager_.features()) fail("what paths saw differs");
   }
   // It has all that the film has.

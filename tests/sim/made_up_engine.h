@@ -21,6 +21,7 @@ struct MadeUpScene {
   std::uint32_t longest_list = 6;  // candidates of a ray at most
   std::uint32_t vertices = 5;      // of a path at most
   bool features = false;           // paths tell what they see
+  bool negative_lobes = false;     // of the filter: some samples are summed apart
 };
 
 class MadeUpEngine final : public ListEngine {
@@ -44,6 +45,10 @@ class MadeUpEngine final : public ListEngine {
     }
   }
   std::uint32_t film_width() const override { return scene_.width; }
+  bool has_negative_lobes() const override { return scene_.negative_lobes; }
+  bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const override {
+    return scene_.negative_lobes && mix64(scene_.seed * 5 + (std::uint64_t{pixel} << 32 | sample)) % 5 == 0;
+  }
 
  private:
   static float unit(std::uint64_t h) { return to_unit(static_cast<std::uint32_t>(h >> 32)); }

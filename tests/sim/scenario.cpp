@@ -72,6 +72,7 @@ Scenario random_scenario(std::uint64_t seed) {
   if (d.chance(0.2)) s.memory = 10 + (kPartBytes + 20) * d.between(1, 1 + s.scene.parts / s.hosts / 2);
   if (d.chance(0.25)) s.intersectors = d.between(1, 3);
   s.scene.features = d.chance(0.3);
+  s.scene.negative_lobes = mix64(seed + 31) % 5 == 0;  // not drawn: other scenarios stay as they were
   s.manager.newcomers_wait_s = 0.2;
   if (d.chance(0.3)) {  // several teams, each with room for the scene twice
     s.hosts += d.between(2, 9);

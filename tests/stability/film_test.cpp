@@ -83,16 +83,15 @@ TEST(FilmFilters, SampledAreTheirFormulas) {
         to[2] += w * p * p;
       };
       add(of_filter, value, x);
-      float weight;
-      Vec2 p = filter->sample({static_cast<float>(at), 0.5f}, weight);
-      add(of_samples, static_cast<double>(weight) / kSteps, static_cast<double>(p.x));
-      p = filter->sample({0.5f, static_cast<float>(at)}, weight);
-      add(of_other_axis, static_cast<double>(weight) / kSteps, static_cast<double>(p.y));
+      // +-1 over the mean of the signs: of both axes together, and the root of one.
+      const FilterLobes lobes = filter->lobes();
+      const double weight = (lobes.above + lobes.below) / kSteps;
+      Vec2 u(static_cast<float>(at), 0.5f);
+      add(of_samples, filter->negative(u) ? -weight : weight, static_cast<double>(filter->sample(u).x));
+      u = {0.5f, static_cast<float>(at)};
+      add(of_other_axis, filter->negative(u) ? -weight : weight, static_cast<double>(filter->sample(u).y));
     }
-    // A sample's weight is that of both axes: divide by the other one's.
-    float middle;
-    filter->sample(Vec2(0.5f), middle);
-    const double other = std::sqrt(static_cast<double>(middle));
+    const double other = std::sqrt(filter->lobes().above + filter->lobes().below);
     double worst = 0, moments = 0;
     for (const auto& sampled : {of_samples, of_other_axis}) {
       worst = std::max(worst, std::fabs(sampled[0] / other - 1));

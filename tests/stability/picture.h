@@ -42,7 +42,7 @@ inline Picture render_cut(const std::string& text, Dialect dialect, std::uint64_
   for (std::uint32_t i = 1; i < m.parts.size(); ++i) resident.load_part(PartId(i), read(part_path(split, i)));
 
   const FilmFrame& f = tracer.job().film.frame;
-  Picture out{Film(f, tracer.job().k), {}, 0, 0};
+  Picture out{Film(f, tracer.job().k, tracer.job().lobes), {}, 0, 0};
   const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, tracer.job().spp};
   constexpr std::uint64_t kBatch = 16384;
   for (; out.samples < range.paths(); out.samples += std::min(kBatch, range.paths() - out.samples)) {
@@ -52,7 +52,8 @@ inline Picture render_cut(const std::string& text, Dialect dialect, std::uint64_
       tracer.trace(batch);
       ShadeOutput shaded;
       tracer.shade(batch, shaded);
-      for (const PathEnd& e : shaded.ended) out.film.at(e.pixel % f.width, e.pixel / f.width).add(e.radiance, e.sample);
+      for (const PathEnd& e : shaded.ended)
+        out.film.at(e.pixel % f.width, e.pixel / f.width, tracer.in_negative_lobe(e.pixel, e.sample)).add(e.radiance, e.sample);
       out.counts += shaded.counts;
       batch = {};
       batch.segments = std::move(shaded.continuing);
