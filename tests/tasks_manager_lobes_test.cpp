@@ -55,10 +55,12 @@ TEST(NegativeLobes, AreInReplyFilmAndCheckpointOrTheHostIsGivenUp) {
     Film& film = c.core.film();
     EXPECT_EQ(film.at(range.x0, range.y0).count[0] + film.at(range.x0, range.y0, true).count[0], (range.sample_end + 1) / 2 - (range.sample_begin + 1) / 2);
     EXPECT_TRUE(film.at(range.x1 - 1, range.y0, true).sum[0][0] == 5 * Int128{film.at(range.x1 - 1, range.y0, true).count[0]});
-    Cluster second({.fixed_tile = c.core.tile_size()}, with_lobes());
+    ManagerOptions again;
+    again.fixed_tile = c.core.tile_size();
+    Cluster second(again, with_lobes());
     EXPECT_TRUE(second.core.restore(merged[0]));
     EXPECT_EQ(second.core.film().samples(0), range.sample_end - range.sample_begin);
-    Cluster other({.fixed_tile = c.core.tile_size()}, job(1));
+    Cluster other(again, job(1));
     EXPECT_FALSE(other.core.restore(merged[0]));
   }
 }

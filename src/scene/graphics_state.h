@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "scene/color_space.h"
 #include "scene/description.h"
@@ -37,6 +38,9 @@ struct MaterialSource {
   bool textures_resolved =
       false;      // v2 looks a material's textures up where a shape uses it, v3 where it is defined
   MaterialId id;  // in the description, once a shape has used it as it is
+  // pbrt-v4: named, but not made yet; as whichever materials of the description shapes have used it meanwhile.
+  bool expected = false;
+  std::vector<MaterialId> interned = {};
 };
 
 struct AreaLightSource {

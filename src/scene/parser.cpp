@@ -106,6 +106,7 @@ SceneDescription Parser::parse() {
     if (use_) use_->count(t.text);
     (this->*handler->second)(t);
   }
+  if (is_v4()) builder_.finish(state_);
   return std::move(builder_.scene());
 }
 
@@ -186,12 +187,15 @@ void Parser::attribute_begin(const Token& t) {
 
 void Parser::attribute_end(const Token& t) {
   if (!in_world(t)) return;
-  if (saved_states_.empty() || saved_transforms_.empty())
-    throw SceneError(location(t), std::string(t.text) + " without AttributeBegin");
+  if (saved_states_.empty()) {
+    warnings_.add(location(t), std::string(t.text) + " without AttributeBegin: ignored");
+    return;
+  }
   const GraphicsState inner = std::move(state_);
   state_ = std::move(saved_states_.back());
   if (is_v4()) keep_names(inner);
   saved_states_.pop_back();
+  if (saved_transforms_.empty()) return;  // a TransformEnd has taken it
   ctm_ = std::move(saved_transforms_.back().ctm);
   active_ = saved_transforms_.back().active;
   saved_transforms_.pop_back();
@@ -206,8 +210,10 @@ void Parser::transform_begin(const Token& t) {
 
 void Parser::transform_end(const Token& t) {
   if (!in_world(t)) return;
-  if (saved_transforms_.empty())
-    throw SceneError(location(t), "TransformEnd without TransformBegin");
+  if (saved_transforms_.empty()) {
+    warnings_.add(location(t), "TransformEnd without TransformBegin: ignored");
+    return;
+  }
   ctm_ = std::move(saved_transforms_.back().ctm);
   active_ = saved_transforms_.back().active;
   saved_transforms_.pop_back();
@@ -238,8 +244,8 @@ void Parser::object_end(const Token& t) {
   if (!in_world(t)) return;
   if (!open_object_) {
     // What is left of an ObjectBegin that came inside of an object.
-    if (saved_states_.empty()) throw SceneError(location(t), "ObjectEnd without ObjectBegin");
-    warnings_.add(location(t), "ObjectEnd without ObjectBegin");
+    warnings_.add(location(t), "ObjectEnd without ObjectBegin: ignored");
+    if (saved_states_.empty()) return;
   } else {
     close_object();
   }

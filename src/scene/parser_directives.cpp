@@ -109,7 +109,7 @@ void Parser::make_named_material(const Token& t) {
     v4_.material(e);
     builder_.take_normal_map(state_, e);
   }
-  state_.named_materials.set(name, builder_.make_material(state_, std::move(e), ctm_.start, true));
+  builder_.define_material(state_, name, builder_.make_material(state_, std::move(e), ctm_.start, true));
 }
 
 void Parser::named_material(const Token& t) {
@@ -120,6 +120,8 @@ void Parser::named_material(const Token& t) {
     state_.material_name = name;
   } else if (const auto* found = state_.named_materials.find(name)) {
     state_.material = *found;
+  } else if (is_v4()) {
+    state_.material = builder_.expect_material(state_, name, where);
   } else {
     warnings_.add(where, "there is no material \"" + name + "\": the one before it is used");
   }

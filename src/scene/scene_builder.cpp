@@ -114,7 +114,7 @@ Entity entity_of(std::string type) {
 }  // namespace
 
 SceneBuilder::SceneBuilder(Dialect dialect, std::string source, Warnings& warnings)
-    : shapes_override_(dialect != Dialect::v4), warnings_(warnings) {
+    : is_v4_(dialect == Dialect::v4), warnings_(warnings) {
   const bool v2 = dialect == Dialect::v2;
   scene_.dialect = v2 ? Dialect::v2 : Dialect::v3;
   scene_.source = std::move(source);
@@ -140,7 +140,7 @@ void SceneBuilder::warn_once(const FileLocation& where, const std::string& messa
 }
 
 ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity& entity,
-                                        std::optional<bool> is_float) {
+                                        std::optional<bool> is_float, bool may_come_later) {
   if (!has_textures(entity.params)) return entity.params;
   ParamSet out;
   for (const Param& given : entity.params.all()) {
@@ -152,23 +152,32 @@ ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity
     if (p.strings.size() != 1)
       throw SceneError(p.location,
                        "the texture parameter \"" + p.name + "\" must name one texture");
-    const std::string* as_float = state.float_textures.find(p.strings[0]);
-    const std::string* as_spectrum = state.spectrum_textures.find(p.strings[0]);
     // "amount" of a mix texture is always a float; "eta" is a spectrum for metal only.
     const bool wants_float = is_float ? *is_float || p.name == "amount"
                                       : contains(kFloatTextureParams, p.name) ||
                                             (p.name == "eta" && entity.type != "metal");
-    const std::string* found =
-        wants_float ? (as_float ? as_float : as_spectrum) : (as_spectrum ? as_spectrum : as_float);
-    if (!found) {
-      warn_once(p.location, "there is no texture \"" + p.strings[0] + "\": the parameter \"" +
-                                p.name + "\" is ignored");
+    if (const std::string* found = find_texture(state, p.strings[0], wants_float)) {
+      p.strings[0] = *found;
+    } else if (may_come_later) {
+      p.strings[0] = later_texture(p.strings[0], wants_float);
+    } else {
+      warn_no_texture(p, p.strings[0]);
       continue;
     }
-    p.strings[0] = *found;
     out.add(std::move(p));
   }
   return out;
+}
+
+const std::string* SceneBuilder::find_texture(const GraphicsState& state, const std::string& name, bool wants_float) {
+  const std::string* as_float = state.float_textures.find(name);
+  const std::string* as_spectrum = state.spectrum_textures.find(name);
+  return wants_float ? (as_float ? as_float : as_spectrum) : (as_spectrum ? as_spectrum : as_float);
+}
+
+void SceneBuilder::warn_no_texture(const Param& p, const std::string& name) {
+  // In pbrt-v4 the parameter had another name in the file.
+  warn_once(p.location, "there is no texture \"" + name + "\": the parameter " + (is_v4_ ? "" : '"' + p.name + "\" ") + "is ignored");
 }
 
 void SceneBuilder::add_texture(GraphicsState& state, const std::string& name, bool is_float,
@@ -206,6 +215,10 @@ void SceneBuilder::take_normal_map(GraphicsState& state, Entity& material) {
 void SceneBuilder::mask_by_chance(GraphicsState& state, Entity& shape) {
   const Param* given = shape.params.find("alpha");
   if (!given) return;
+  if (given->type == ParamType::real && given->reals.size() == 1 && given->reals[0] >= 1.f) {
+    shape.params.take("alpha");  // nothing passes
+    return;
+  }
   const bool texture = given->type == ParamType::texture && given->strings.size() == 1;
   // What cannot be seen at all is left out by others, but shines where it is a light.
   const float least = state.area_light ? 0.f : std::numeric_limits<float>::min();
@@ -240,14 +253,18 @@ void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DM
 }
 
 std::optional<GridDesc> SceneBuilder::add_volume(Entity entity, const DMat4& ctm) {
+  scene_.media.emplace_back();
+  return put_medium(MediumId(static_cast<std::uint32_t>(scene_.media.size() - 1)), std::move(entity), ctm);
+}
+
+std::optional<GridDesc> SceneBuilder::put_medium(MediumId id, Entity entity, const DMat4& ctm) {
   MediumDesc medium;
   static_cast<Entity&>(medium) = std::move(entity);
   medium.medium_to_world = to_transform(ctm);
   if (!medium.medium_to_world.is_invertible())
     throw SceneError(medium.location, "the transformation of the volume cannot be inverted");
-  const MediumId id(static_cast<std::uint32_t>(scene_.media.size()));
   std::optional<GridDesc> grid = take_grid(medium, id, scene_.dialect);
-  scene_.media.push_back(std::move(medium));
+  scene_.media[id.value] = std::move(medium);
   return grid;
 }
 
@@ -255,6 +272,8 @@ std::optional<GridDesc> SceneBuilder::add_named_medium(const std::string& name, 
   if (scene_.media.size() >= kMostMedia)
     throw SceneError(entity.location,
                      "more than " + std::to_string(kMostMedia) + " participating media");
+  const auto there = media_.find(name);
+  if (there != media_.end() && scene_.media[there->second.value].type == '\1' + name) return put_medium(there->second, std::move(entity), ctm);
   media_[name] = MediumId(static_cast<std::uint32_t>(scene_.media.size()));
   return add_volume(std::move(entity), ctm);
 }
@@ -263,8 +282,16 @@ MediumId SceneBuilder::find_medium(const std::string& name, const FileLocation& 
   if (name.empty()) return {};
   const auto found = media_.find(name);
   if (found != media_.end()) return found->second;
-  warn_once(where, "there is no medium \"" + name + "\": vacuum is used");
-  return {};
+  if (!is_v4_) {
+    warn_once(where, "there is no medium \"" + name + "\": vacuum is used");
+    return {};
+  }
+  const MediumId id(static_cast<std::uint32_t>(scene_.media.size()));
+  Entity later;
+  later.type = '\1' + name;  // until it is made, see finish()
+  later.location = where;
+  static_cast<Entity&>(scene_.media.emplace_back()) = std::move(later);
+  return media_[name] = id;
 }
 
 std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState& state,
@@ -273,7 +300,7 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
   auto source = std::make_shared<MaterialSource>();
   if (!contains(kMaterials, entity.type)) {
     warnings_.add(entity.location,
-                  "the material \"" + entity.type + "\" is unknown: matte is used");
+                  "the material \"" + entity.type + "\" is unknown: " + default_name() + " is used");
     entity.type = "matte";
   }
   if (entity.type.empty()) entity.type = "none";
@@ -281,9 +308,10 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
     for (const char* name : {"namedmaterial1", "namedmaterial2"}) {
       const std::string mixed = entity.params.string(name, "");
       const auto* found = state.named_materials.find(mixed);
+      if (found && (*found)->expected) found = nullptr;  // what is mixed must be there
       if (!found)
-        warnings_.add(entity.location, "there is no material \"" + mixed + "\" for \"" + name +
-                                           "\": matte is mixed");
+        warnings_.add(entity.location, "there is no material \"" + mixed + "\"" +
+                                           (is_v4_ ? std::string() : std::string(" for \"") + name + '"') + ": " + default_name() + " is mixed");
       const MaterialId id = intern(state, found ? **found : *default_material_, {});
       Param p;
       p.type = ParamType::string;
@@ -294,7 +322,7 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
     }
   }
   if (is_named || scene_.dialect == Dialect::v3) {
-    entity.params = resolve_textures(state, entity, std::nullopt);
+    entity.params = resolve_textures(state, entity, std::nullopt, is_v4_);
     source->textures_resolved = true;
   }
   source->entity = std::move(entity);
@@ -326,6 +354,7 @@ MaterialId SceneBuilder::intern(const GraphicsState& state, MaterialSource& sour
     scene_.materials.push_back(std::move(material));
   }
   if (as_it_is) source.id = it->second;
+  if (is_new && source.expected) source.interned.push_back(it->second);
   return it->second;
 }
 
@@ -342,7 +371,7 @@ MaterialId SceneBuilder::material_of(const GraphicsState& state, const ShapeDesc
     }
   }
   // In v2 a named material is made where it is named, out of reach of the shape's parameters.
-  if (!shapes_override_ || (named && scene_.dialect == Dialect::v2)) return intern(state, *source, {});
+  if (is_v4_ || (named && scene_.dialect == Dialect::v2)) return intern(state, *source, {});
 
   ParamSet overrides;
   for (const Param& p : shape.params.all()) {

@@ -28,27 +28,41 @@ class SceneBuilder {
   // Either gives back the grid of the medium, if it has one.
   std::optional<GridDesc> add_volume(Entity entity, const DMat4& ctm);
   std::optional<GridDesc> add_named_medium(const std::string& name, Entity entity, const DMat4& ctm);
-  // None, with a warning, for a name that no medium has; "" is vacuum.
+  // None, with a warning, for a name that no medium has (in pbrt-v4: has until now); "" is vacuum.
   MediumId find_medium(const std::string& name, const FileLocation& where);
   std::shared_ptr<MaterialSource> make_material(const GraphicsState& state, Entity entity,
                                                 const DMat4& ctm, bool is_named);
+  // scene_builder_later.cpp: of pbrt-v4. A material that is used before it is made.
+  std::shared_ptr<MaterialSource> expect_material(GraphicsState& state, const std::string& name, const FileLocation& where);
+  // MakeNamedMaterial: also where the name was used before.
+  void define_material(GraphicsState& state, const std::string& name, std::shared_ptr<MaterialSource> made);
+  // When all is read: what names refer to that came later, with warnings for those that nothing has.
+  void finish(const GraphicsState& state);
+
   // Fills material and area_light of a shape from the state, and gives its texture parameters their
   // unique names.
   void finish_shape(const GraphicsState& state, ShapeDesc& shape);
   // A texture-valued parameter gets the unique name of what it names in this scope; an unknown one
-  // is dropped.
+  // is dropped, unless it may come later.
   ParamSet resolve_textures(const GraphicsState& state, const Entity& entity,
-                            std::optional<bool> is_float);
+                            std::optional<bool> is_float, bool may_come_later = false);
 
   // A warning that is not repeated for every place where it applies.
   void warn_once(const FileLocation& where, const std::string& message);
 
  private:
+  std::optional<GridDesc> put_medium(MediumId id, Entity entity, const DMat4& ctm);
   MaterialId material_of(const GraphicsState& state, const ShapeDesc& shape);
   MaterialId intern(const GraphicsState& state, MaterialSource& source, const ParamSet& overrides);
+  static const std::string* find_texture(const GraphicsState& state, const std::string& name, bool wants_float);
+  void warn_no_texture(const Param& p, const std::string& name);
+  static std::string later_texture(const std::string& name, bool wants_float);
+  void fulfil(MaterialSource& expected, const MaterialSource& made);
 
   SceneDescription scene_;
-  bool shapes_override_;  // parameters of shapes stand for those of their materials, not so in v4
+  const char* default_name() const { return is_v4_ ? "diffuse" : "matte"; }
+
+  bool is_v4_;
   Warnings& warnings_;
   std::set<std::string> warned_;
   std::set<std::string> texture_names_;                         // that are taken
@@ -56,6 +70,7 @@ class SceneBuilder {
   std::unordered_map<std::string, MaterialId> material_ids_;  // by all that distinguishes materials
   std::unordered_map<std::string, MediumId> media_;  // v3, by name
   std::shared_ptr<MaterialSource> default_material_;
+  std::vector<std::pair<std::string, std::shared_ptr<MaterialSource>>> expected_;  // by name
 };
 
 }  // namespace cloudrenderer

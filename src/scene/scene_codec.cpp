@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/animated_transform.h"
+#include "scene/material_order.h"
 #include "scene/scene.pb.h"
 
 namespace cloudrenderer {
@@ -197,8 +198,13 @@ class Decoder {
       d.object_to_world = transform(m.object_to_world());
       d.inside = medium(m.inside(), in);
       d.outside = medium(m.outside(), in);
-      if (d.type == "mix") check_mix(d, out.materials.size());
+      if (d.type == "mix") check_mix(d, static_cast<std::size_t>(in.materials_size()));
       out.materials.push_back(std::move(d));
+    }
+    try {
+      material_order(out);
+    } catch (const SceneError& e) {
+      throw Malformed{e.what()};
     }
   }
 
@@ -218,7 +224,7 @@ class Decoder {
   }
 
  private:
-  static void check_mix(const MaterialDesc& mix, std::size_t before) {
+  static void check_mix(const MaterialDesc& mix, std::size_t materials) {
     for (const char* name : {"namedmaterial1", "namedmaterial2"}) {
       const Param* p = mix.params.find(name);
       check(p && p->type == ParamType::string && p->strings.size() == 1,
@@ -227,8 +233,8 @@ class Decoder {
       std::uint32_t index = 0;
       const auto [stop, error] =
           std::from_chars(digits.data(), digits.data() + digits.size(), index);
-      check(error == std::errc{} && stop == digits.data() + digits.size() && index < before,
-            "a mix of materials that do not stand before it");
+      check(error == std::errc{} && stop == digits.data() + digits.size() && index < materials,
+            "a mix of materials that are not there");
     }
   }
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <ostream>
 
+#include "scene/material_order.h"
+
 namespace cloudrenderer {
 
 namespace {
@@ -180,10 +182,10 @@ void write_world_head(std::ostream& out, const SceneDescription& scene) {
     write_entity(out, t.is_float ? " \"float\"" : " \"spectrum\"", t, scene.dialect);
     if (moved) out << "TransformEnd\n";
   }
-  for (std::size_t i = 0; i < scene.materials.size(); ++i) {
+  for (const std::uint32_t i : material_order(scene)) {
     const MaterialDesc& m = scene.materials[i];
     out << "MakeNamedMaterial ";
-    write_quoted(out, material_name(MaterialId(static_cast<std::uint32_t>(i))));
+    write_quoted(out, material_name(MaterialId(i)));
     out << " \"string type\" ";
     write_quoted(out, m.type);
     out << '\n';

@@ -129,9 +129,12 @@ void V4Translator::light(Entity& e, DMat4& ctm) const {
 void V4Translator::medium(Entity& e) const {
   ParamSet& p = e.params;
   if (e.type != "rgbgrid") {
+    // A preset counts more than what is given beside it, which counts where nobody knows the preset.
     const bool named = !p.string("preset", "").empty();
-    for (const char* name : {"sigma_a", "sigma_s"})
-      if (!named && !p.has(name)) p.add(make_rgb(name, Rgb(1.f), e.location));
+    for (const std::string name : {"sigma_a", "sigma_s"}) {
+      if (!p.has(name)) p.add(make_rgb(name, Rgb(1.f), e.location));
+      if (named) p.rename(name, "default." + name);
+    }
     if (p.has("Le") && p.has("temperature")) {
       warn_(e.location, "the medium shines by its temperature: the parameter \"Le\" is ignored");
       p.take("Le");

@@ -4,6 +4,7 @@
 #include <array>
 #include <string>
 
+#include "scene/material_order.h"
 #include "shading/material_kinds.h"
 
 namespace cloudrenderer {
@@ -102,14 +103,11 @@ bsdf::Microfacets Roughness::operator()(const TexturePoint& at) const {
 std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
                                             const TextureSet& textures, MeasuredStore& measured,
                                             Warnings& warnings) {
-  std::vector<MaterialRecord> out;
-  out.reserve(scene.materials.size());
-  for (const MaterialDesc& desc : scene.materials) {
-    MaterialRecord r;
-    if (desc.type.empty() || desc.type == "none") {
-      out.push_back(std::move(r));
-      continue;
-    }
+  std::vector<MaterialRecord> out(scene.materials.size());
+  for (const std::uint32_t index : material_order(scene)) {
+    const MaterialDesc& desc = scene.materials[index];
+    if (desc.type.empty() || desc.type == "none") continue;
+    MaterialRecord& r = out[index];
     TexturedParams params(desc.params, textures, scene.dialect, desc.location, warnings);
     MaterialInputs in{params, out, measured};
     const MaterialKind* kind = find_kind(desc.type);
@@ -154,7 +152,6 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
     }
     r.has_subsurface = r.material->has_subsurface();
     desc.params.report_unused("Material \"" + desc.type + "\"", warnings);
-    out.push_back(std::move(r));
   }
   return out;
 }

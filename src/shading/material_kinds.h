@@ -62,7 +62,7 @@ struct MaterialRecord {
 
 struct MaterialInputs {
   TexturedParams& params;
-  std::span<const MaterialRecord> earlier;  // the materials before this one
+  std::span<const MaterialRecord> all;  // the materials: what this one mixes is made
   MeasuredStore& measured;
   bool tangents = false;                    // set by the maker
   bool estimated = false;                   // set by the maker

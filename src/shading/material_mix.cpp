@@ -49,12 +49,12 @@ const MaterialRecord* mixed(MaterialInputs& in, std::string_view name) {
   const std::string text = in.params.params().string(name, "");
   std::size_t index = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
-  if (error != std::errc() || end != text.data() + text.size() || index >= in.earlier.size()) {
+  if (error != std::errc() || end != text.data() + text.size() || index >= in.all.size()) {
     in.params.warn("mix material: there is no material for \"" + std::string(name) +
                    "\"; leaving it out");
     return nullptr;
   }
-  const MaterialRecord* r = &in.earlier[index];
+  const MaterialRecord* r = &in.all[index];
   in.params.needs() |= r->needs;
   if (r->textured) in.params.set_textured();
   in.tangents = in.tangents || r->tangents;

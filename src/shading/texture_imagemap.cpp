@@ -100,9 +100,11 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
     in.params.needs().tables.push_back(texture.get());
     return texture;
   } catch (const SceneError& e) {
-    // As pbrt: a picture with a grey (v3) or white (v2) surface is better than none.
-    in.params.warn(std::string(e.what()) + "; using a constant");
-    return T(encoding.decode(in.params.dialect() == Dialect::v3 ? 0.18f : 1.f));
+    // As pbrt-v2 and pbrt-v3: a picture with a white surface is better than none.
+    const std::string what = e.what();
+    const std::size_t reason = what.find("error: ");  // behind the place, which is said already
+    in.params.warn((reason == std::string::npos ? what : what.substr(reason + 7)) + ": white is used");
+    return T(encoding.decode(1.f));
   }
 }
 

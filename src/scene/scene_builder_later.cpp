@@ -1,0 +1,83 @@
+// pbrt-v4: names are of the whole scene, and may be used before what they name is made.
+#include "scene/param_make.h"
+#include "scene/scene_builder.h"
+
+namespace cloudrenderer {
+
+namespace {
+// In front of the name of a texture that is not there yet: no name of a file begins so.
+constexpr char kLaterFloat = '\1', kLaterSpectrum = '\2';
+}  // namespace
+
+std::string SceneBuilder::later_texture(const std::string& name, bool wants_float) {
+  return (wants_float ? kLaterFloat : kLaterSpectrum) + name;
+}
+
+std::shared_ptr<MaterialSource> SceneBuilder::expect_material(GraphicsState& state, const std::string& name,
+                                                              const FileLocation& where) {
+  auto source = std::make_shared<MaterialSource>();
+  source->entity.type = "\1" + name;  // a key like no other
+  source->entity.location = where;
+  source->textures_resolved = true;
+  source->expected = true;
+  state.named_materials.set(name, source);
+  expected_.push_back({name, source});
+  return source;
+}
+
+void SceneBuilder::fulfil(MaterialSource& expected, const MaterialSource& made) {
+  expected.entity = made.entity;
+  expected.object_to_world = made.object_to_world;
+  expected.textures_resolved = made.textures_resolved;
+  expected.expected = false;
+  for (const MaterialId id : expected.interned) {
+    MaterialDesc& material = scene_.materials[id.value];
+    static_cast<Entity&>(material) = made.entity;
+    material.object_to_world = made.object_to_world;
+    for (const Param& p : material.params.all()) p.used = false;
+  }
+}
+
+void SceneBuilder::define_material(GraphicsState& state, const std::string& name, std::shared_ptr<MaterialSource> made) {
+  const auto* there = state.named_materials.find(name);
+  if (there && (*there)->expected)
+    fulfil(**there, *made);
+  else
+    state.named_materials.set(name, std::move(made));
+}
+
+void SceneBuilder::finish(const GraphicsState& state) {
+  for (const auto& [name, source] : expected_) {
+    if (!source->expected) continue;
+    warnings_.add(source->entity.location, "there is no material \"" + name + "\": diffuse is used");
+    fulfil(*source, *default_material_);
+  }
+  for (MediumDesc& m : scene_.media) {
+    if (m.type.empty() || m.type[0] != '\1') continue;
+    warnings_.add(m.location, "there is no medium \"" + m.type.substr(1) + "\": vacuum is used");
+    m.type = "homogeneous";
+    for (const char* name : {"sigma_a", "sigma_s"}) m.params.add(make_rgb(name, Rgb(0.f), m.location));
+  }
+  for (MaterialDesc& material : scene_.materials) {
+    ParamSet known;
+    bool changed = false;
+    for (const Param& given : material.params.all()) {
+      Param p = given;
+      const char first = p.type == ParamType::texture && !p.strings.empty() && !p.strings[0].empty() ? p.strings[0][0] : '\0';
+      if (first == kLaterFloat || first == kLaterSpectrum) {
+        changed = true;
+        const std::string name = p.strings[0].substr(1);
+        const std::string* found = find_texture(state, name, first == kLaterFloat);
+        if (!found) {
+          warn_no_texture(p, name);
+          continue;
+        }
+        p.strings[0] = *found;
+      }
+      known.add(std::move(p));
+    }
+    if (changed) material.params = std::move(known);
+  }
+}
+
+}  // namespace cloudrenderer
