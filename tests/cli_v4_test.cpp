@@ -205,7 +205,7 @@ TEST_F(V4Scenes, FloatTexturesAreTheMeanOfDecodedColours) {
 TEST_F(V4Scenes, ParametersGoOnBehindAnInclude) {
   write_file(folder_.path("dense.pbrt"), "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" [1]\n");
   write_file(folder_.path("outer.pbrt"), "Include \"dense.pbrt\"\n");
-  const auto scene = picture("Film \"rgb\" \"integer xresolution\" 4 \"integer yresolution\" 4 \"string filename\" \"x.exr\"\nWorldBegin\nLightSource \"infinite\"\nInclude \"outer.pbrt\"\n\"float g\" .5 \"spectrum sigma_a\" [300 20 830 20]\nShape \"sphere\"\n",
+  const auto scene = picture("Film \"rgb\" \"integer xresolution\" 4 \"integer yresolution\" 4 \"string filename\" \"x.exr\"\nWorldBegin\nLightSource \"infinite\"\nInclude \"outer.pbrt\"\n\"float g\" .5 \"spectrum sigma_a\" [300 20 830 20]\nMediumInterface \"m\" \"\"\nShape \"sphere\"\n",
                              Dialect::v4);
   EXPECT_EQ(scene.error, "");
   EXPECT_EQ(scene.warnings, "");

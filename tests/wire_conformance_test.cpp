@@ -255,6 +255,8 @@ std::vector<std::pair<std::string, Message>> messages() {
   sums.sums[1].add({1 << 20, 2, 3}, 1);
   sums.invalid = 30;
   add("reply_renderer", Reply{{77, 1}, 3, sums});
+  sums.negative_lobes = true;  // one pixel
+  add("reply_renderer_lobes", Reply{{77, 1}, 3, sums});
   PathEnds ends;
   ends.generation = 2;
   for (std::uint32_t i = 0; i < 3; ++i)

@@ -129,7 +129,7 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
   return error_of([&] {
     end_job();
     std::shared_ptr<Scene> scene = open(job);
-    Warnings warnings;  // the manager has told the user already
+    Warnings warnings;  // the manager has told the user already, but for what only the pixels of maps tell
     const JobSettings settings = settings_of(job, *scene->manifest, warnings);
     Resident::Options options;
     options.threads = build_threads_;
@@ -141,6 +141,8 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
     load_prototypes(*scene, 0);
     scene->tracer = std::make_unique<PathTracer>(
         *scene->manifest, settings, read(*scene, wire::BLOB_PART, 0), *scene->resident, warnings);
+    for (const std::string& w : warnings.list())
+      if (w.find(" texels ") != std::string::npos) spdlog::warn("{}", w);
     const std::uint64_t used = scene->resident->bytes() + scene->tracer->shading_bytes();
     if (used > memory_)
       throw ClusterError("main scene, textures and lights take " + std::to_string(used >> 20) +

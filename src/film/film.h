@@ -97,10 +97,19 @@ class Film {
   std::span<const PixelSums> sums() const { return sums_; }
   // By the number of a pixel, row by row.
   std::uint32_t samples(std::size_t pixel) const { return samples(pixel, 0) + samples(pixel, 1); }
-  std::uint32_t samples(std::size_t pixel, std::size_t half) const;
+  std::uint32_t samples(std::size_t pixel, std::size_t half) const {
+    if (sums_per_pixel() == 1) return sums_[pixel].count[half];
+    return sums_[2 * pixel].count[half] + sums_[2 * pixel + 1].count[half];
+  }
   // Times `unit`, radiance in one unit of fixed point. The pixel, or half, has samples.
-  double mean(std::size_t pixel, std::size_t channel, double unit) const;
-  double mean(std::size_t pixel, std::size_t channel, double unit, std::size_t half) const;
+  double mean(std::size_t pixel, std::size_t channel, double unit) const {
+    return mean_by(pixel, unit, [channel](const PixelSums& s) { return s.sum[0][channel] + s.sum[1][channel]; },
+                   [](const PixelSums& s) { return s.count[0] + s.count[1]; });
+  }
+  double mean(std::size_t pixel, std::size_t channel, double unit, std::size_t half) const {
+    return mean_by(pixel, unit, [=](const PixelSums& s) { return s.sum[half][channel]; },
+                   [half](const PixelSums& s) { return s.count[half]; });
+  }
   Rgb colour(std::size_t pixel, float scale) const;  // as in image()
   Image image(float scale) const;  // mean * scale, rounded once; black where there are no samples
   // Estimated relMSE of image(): mean over pixels and channels of ((a-b)^2/4) / (m^2 + 0.01), a and
@@ -125,6 +134,16 @@ class Film {
   std::vector<double> pixel_errors(float scale) const;  // of which relmse is the mean; -1: left out
 
  private:
+  template <class Sum, class Count>
+  double mean_by(std::size_t pixel, double unit, Sum sum, Count count) const {
+    const auto one = [&](const PixelSums& s) { return static_cast<double>(sum(s)) * unit / static_cast<double>(count(s)); };
+    if (sums_per_pixel() == 1) return one(sums_[pixel]);
+    const PixelSums &above = sums_[2 * pixel], &below = sums_[2 * pixel + 1];
+    // A kind of lobes without samples is taken as the other one.
+    if (count(above) == 0) return one(below);
+    return count(below) == 0 ? one(above) : lobes_.above * one(above) - lobes_.below * one(below);
+  }
+
   FilmFrame frame_;
   int k_;
   FilterLobes lobes_;

@@ -8,12 +8,17 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 #include <system_error>
 
 namespace cloudrenderer {
 namespace {
 
 constexpr std::size_t kBufferBytes = std::size_t{1} << 18;
+// Files up to this size are read instead: a process may have some 65,000 mappings (vm.max_map_count), and a scene more
+// objects of a few triangles.
+constexpr std::size_t kSmallFile = std::size_t{1} << 16;
+constexpr std::size_t kSpareBytes = 64;  // readable ones behind the file, as behind most mappings
 
 [[noreturn]] void fail(const std::string& what) {
   throw std::system_error(errno, std::generic_category(), what);
@@ -27,6 +32,25 @@ void write_all(int fd, const std::byte* data, std::size_t bytes) {
     data += n;
     bytes -= static_cast<std::size_t>(n);
   }
+}
+
+}  // namespace
+
+namespace {
+
+MappedFile read_small(int fd, std::size_t size, const std::string& path) {
+  const std::shared_ptr<std::byte[]> data(new (std::align_val_t{64}) std::byte[size + kSpareBytes](),
+                                          [](std::byte* p) { ::operator delete[](p, std::align_val_t{64}); });
+  for (std::size_t done = 0; done < size;) {
+    const ssize_t n = ::read(fd, data.get() + done, size - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) {
+      if (n == 0) errno = EIO;  // it has become shorter
+      fail(path);
+    }
+    done += static_cast<std::size_t>(n);
+  }
+  return {{data.get(), size}, data};
 }
 
 }  // namespace
@@ -46,6 +70,16 @@ MappedFile map_file(const std::string& path) {
   if (size == 0) {
     ::close(fd);
     return {};
+  }
+  if (size <= kSmallFile) {
+    try {
+      MappedFile file = read_small(fd, size, path);
+      ::close(fd);
+      return file;
+    } catch (...) {
+      ::close(fd);
+      throw;
+    }
   }
   void* data = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, fd, 0);
   const int error = errno;

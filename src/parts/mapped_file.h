@@ -7,7 +7,7 @@
 
 namespace cloudrenderer {
 
-// A read-only mapping of a whole file; the owner keeps it alive. Throws std::system_error.
+// A read-only mapping of a whole file (of small ones a copy); the owner keeps it alive. Throws std::system_error.
 struct MappedFile {
   std::span<const std::byte> bytes;
   std::shared_ptr<const void> owner;

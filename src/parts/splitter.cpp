@@ -10,6 +10,7 @@
 #include <system_error>
 #include <vector>
 
+#include "parts/grid_use.h"
 #include "parts/manifest_hash.h"
 #include "parts/part_builder.h"
 #include "parts/part_maker.h"
@@ -343,9 +344,14 @@ void SceneSplitter::Work::expand_instances() {
 }
 
 void SceneSplitter::Work::add_bricks() {
+  const std::span<const SpooledBrick> bricks = scene_.grids().map().bricks;
+  if (bricks.empty()) return;
+  const std::vector<bool> used = grids_in_use(manifest_.scene, scene_.spool().map().rows, bricks, warnings_);
   std::uint32_t number = 0;
-  for (const SpooledBrick& b : scene_.grids().map().bricks) {
-    items_.push_back({b.box, kBrickItem, number++});
+  for (const SpooledBrick& b : bricks) {
+    const std::uint32_t brick = number++;
+    if (!used[b.record.medium]) continue;
+    items_.push_back({b.box, kBrickItem, brick});
     instance_box_.extend(b.box);
   }
   if (number && options_.text) warnings_.add({}, "density grids are not written as text");

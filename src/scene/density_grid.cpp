@@ -55,8 +55,9 @@ struct Reading {
     names.push_back(std::move(name));
     arrays.push_back(std::move(channel));
   }
-  void add_rgb(const std::string& name, const BulkArray<float>& values, const BulkArray<float>& plus, float otherwise) {
-    for (std::uint32_t c = 0; c < 3; ++c) add(name, {values, 3, c, plus, otherwise});
+  // The channel of red, and those of green and blue behind it.
+  void add_rgb(const std::string& name, DenseVoxels::Channel channel) {
+    for (channel.first = 0; channel.first < 3; ++channel.first) add(name, channel);
   }
 };
 
@@ -79,15 +80,12 @@ void read_rgb(Reading& r) {
   if (shines && !absorbs) r.fail("an rgbgrid with \"Le\" needs \"sigma_a\"");
   const BulkArray<float> a = absorbs ? r.array("sigma_a", 3) : BulkArray<float>(),
                          s = scatters ? r.array("sigma_s", 3) : BulkArray<float>();
-  if (absorbs && scatters) {
-    r.add_rgb("sigma_t", a, s, 1);
-  } else {
-    // What is not given is 1.
-    const std::vector<float> ones(static_cast<std::size_t>(3 * r.sample_count()), 1.f);
-    r.add_rgb("sigma_t", absorbs ? a : s, BulkArray<float>(ones), 1);
-  }
-  r.add_rgb("sigma_s", s, {}, 1);
-  if (shines) r.add_rgb("Le", r.array("Le", 3), {}, 0);
+  if (absorbs && scatters)
+    r.add_rgb("sigma_t", {a, 3, 0, s});
+  else
+    r.add_rgb("sigma_t", {.values = absorbs ? a : s, .stride = 3, .plus = {}, .constant = 1});  // what is not given is 1
+  r.add_rgb("sigma_s", {s, 3});
+  if (shines) r.add_rgb("Le", {r.array("Le", 3), 3});
   r.grid.layout.densities = 3;
 }
 

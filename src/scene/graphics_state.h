@@ -22,8 +22,9 @@ class ScopedMap {
     const auto it = map_->find(name);
     return it == map_->end() ? nullptr : &it->second;
   }
-  void set(const std::string& name, Value value) {
-    if (map_.use_count() > 1) map_ = std::make_shared<Map>(*map_);
+  // `everywhere`: for all scopes that share the map, as pbrt-v4's names are.
+  void set(const std::string& name, Value value, bool everywhere = false) {
+    if (!everywhere && map_.use_count() > 1) map_ = std::make_shared<Map>(*map_);
     map_->insert_or_assign(name, std::move(value));
   }
 

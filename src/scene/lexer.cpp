@@ -111,8 +111,11 @@ void Lexer::skip_blanks() {
         ++p_;
         break;
       case '#': {
+        const char* const comment = p_;
         const void* eol = std::memchr(p_, '\n', static_cast<std::size_t>(end_ - p_));
         p_ = eol ? static_cast<const char*>(eol) : end_;
+        // Files of old Macs have nothing but this at the ends of lines.
+        if (const void* cr = std::memchr(comment, '\r', static_cast<std::size_t>(p_ - comment))) p_ = static_cast<const char*>(cr);
         break;
       }
       default:

@@ -118,13 +118,11 @@ void Parser::open_file(const std::string& path, const FileLocation& named_at) {
 
 void Parser::close_file() {
   if (files_.back().imported && !saved_states_.empty() && !saved_transforms_.empty()) {
-    const GraphicsState inner = std::move(state_);
     state_ = std::move(saved_states_.back());
     saved_states_.pop_back();
     ctm_ = saved_transforms_.back().ctm;
     active_ = saved_transforms_.back().active;
     saved_transforms_.pop_back();
-    keep_names(inner);
   }
   files_.pop_back();
 }
@@ -191,9 +189,7 @@ void Parser::attribute_end(const Token& t) {
     warnings_.add(location(t), std::string(t.text) + " without AttributeBegin: ignored");
     return;
   }
-  const GraphicsState inner = std::move(state_);
   state_ = std::move(saved_states_.back());
-  if (is_v4()) keep_names(inner);
   saved_states_.pop_back();
   if (saved_transforms_.empty()) return;  // a TransformEnd has taken it
   ctm_ = std::move(saved_transforms_.back().ctm);

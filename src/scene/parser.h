@@ -74,7 +74,6 @@ class Parser {
   bool is_v4() const { return dialect_ == Dialect::v4; }
   // Adds what `Attribute` says, and drops with a warning what v4 does not have.
   void complete_v4(std::string_view directive, Entity& e);
-  void keep_names(const GraphicsState& inner);
 
   // parser_transforms.cpp
   void identity(const Token& t);

@@ -117,11 +117,4 @@ void Parser::complete_v4(std::string_view directive, Entity& e) {
   for (const std::string& name : gone) e.params.take(name);
 }
 
-// Materials and textures of v4 have names for the whole scene.
-void Parser::keep_names(const GraphicsState& inner) {
-  state_.named_materials = inner.named_materials;
-  state_.float_textures = inner.float_textures;
-  state_.spectrum_textures = inner.spectrum_textures;
-}
-
 }  // namespace cloudrenderer

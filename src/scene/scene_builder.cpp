@@ -190,7 +190,7 @@ void SceneBuilder::add_texture(GraphicsState& state, const std::string& name, bo
   texture.name = name;
   while (!texture_names_.insert(texture.name).second)
     texture.name = name + "#" + std::to_string(++texture_counters_[name] + 1);
-  (is_float ? state.float_textures : state.spectrum_textures).set(name, texture.name);
+  (is_float ? state.float_textures : state.spectrum_textures).set(name, texture.name, is_v4_);
   scene_.textures.push_back(std::move(texture));
 }
 
@@ -268,10 +268,12 @@ std::optional<GridDesc> SceneBuilder::put_medium(MediumId id, Entity entity, con
   return grid;
 }
 
+void SceneBuilder::check_room_for_media(const FileLocation& where) const {
+  if (scene_.media.size() >= kMostMedia) throw SceneError(where, "more than " + std::to_string(kMostMedia) + " participating media");
+}
+
 std::optional<GridDesc> SceneBuilder::add_named_medium(const std::string& name, Entity entity, const DMat4& ctm) {
-  if (scene_.media.size() >= kMostMedia)
-    throw SceneError(entity.location,
-                     "more than " + std::to_string(kMostMedia) + " participating media");
+  check_room_for_media(entity.location);
   const auto there = media_.find(name);
   if (there != media_.end() && scene_.media[there->second.value].type == '\1' + name) return put_medium(there->second, std::move(entity), ctm);
   media_[name] = MediumId(static_cast<std::uint32_t>(scene_.media.size()));
@@ -286,6 +288,7 @@ MediumId SceneBuilder::find_medium(const std::string& name, const FileLocation& 
     warn_once(where, "there is no medium \"" + name + "\": vacuum is used");
     return {};
   }
+  check_room_for_media(where);
   const MediumId id(static_cast<std::uint32_t>(scene_.media.size()));
   Entity later;
   later.type = '\1' + name;  // until it is made, see finish()

@@ -51,6 +51,7 @@ class SceneBuilder {
   void warn_once(const FileLocation& where, const std::string& message);
 
  private:
+  void check_room_for_media(const FileLocation& where) const;
   std::optional<GridDesc> put_medium(MediumId id, Entity entity, const DMat4& ctm);
   MaterialId material_of(const GraphicsState& state, const ShapeDesc& shape);
   MaterialId intern(const GraphicsState& state, MaterialSource& source, const ParamSet& overrides);

@@ -20,7 +20,7 @@ std::shared_ptr<MaterialSource> SceneBuilder::expect_material(GraphicsState& sta
   source->entity.location = where;
   source->textures_resolved = true;
   source->expected = true;
-  state.named_materials.set(name, source);
+  state.named_materials.set(name, source, true);
   expected_.push_back({name, source});
   return source;
 }
@@ -43,7 +43,7 @@ void SceneBuilder::define_material(GraphicsState& state, const std::string& name
   if (there && (*there)->expected)
     fulfil(**there, *made);
   else
-    state.named_materials.set(name, std::move(made));
+    state.named_materials.set(name, std::move(made), is_v4_);
 }
 
 void SceneBuilder::finish(const GraphicsState& state) {

@@ -9,7 +9,7 @@ float DenseVoxels::at(const Channel& c, glm::ivec3 i) const {
   const auto n = static_cast<std::size_t>(inside.x) +
                  size_.x * (static_cast<std::size_t>(inside.y) + std::size_t{size_.y} * static_cast<std::size_t>(inside.z));
   const std::size_t value = n * c.stride + c.first;
-  return c.values[value] + (c.plus.empty() ? 0.f : c.plus[value]);
+  return c.values[value] + (c.plus.empty() ? c.constant : c.plus[value]);
 }
 
 void DenseVoxels::read(std::uint32_t channel, const glm::ivec3& begin, const glm::ivec3& end, float* out) const {

@@ -37,6 +37,7 @@ class DenseVoxels final : public Voxels {
     std::uint32_t stride = 1, first = 0;  // value i is values[i * stride + first]
     BulkArray<float> plus{};              // of the same shape, added where there is one
     float otherwise = 1;                  // without values: this, also beyond
+    float constant = 0;                   // added to values
   };
   DenseVoxels(const glm::uvec3& size, Beyond beyond, std::vector<Channel> channels)
       : size_(size), beyond_(beyond), channels_(std::move(channels)) {}

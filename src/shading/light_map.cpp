@@ -45,8 +45,7 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   if (negative != 0)
     warnings.add(where, path + ": " + std::to_string(negative) + " texels have negative channels, which are taken as 0");
   if (bad != 0)
-    warnings.add(where,
-                 path + ": " + std::to_string(bad) + " texels are not finite, black is used");
+    warnings.add(where, path + ": " + std::to_string(bad) + " texels are not finite: black is used");
   return map;
 }
 

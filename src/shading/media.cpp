@@ -237,6 +237,8 @@ Medium make_medium(const MediumDesc& desc, Dialect dialect, Warnings& warnings) 
   m.sigma_s = coefficient(desc, "sigma_s", sigma_s, scale);
   m.sigma_t = m.sigma_a + m.sigma_s;
   m.gray = m.sigma_t.x == m.sigma_t.y && m.sigma_t.x == m.sigma_t.z;
+  if (desc.type == "heterogeneous" && !m.gray)
+    warnings.add(desc.location, "sigma_a + sigma_s differs between colours, of which pbrt-v3 takes red's for all: here each has its own");
   m.g = desc.params.real("g", 0.f);
   if (!(m.g > -1.f && m.g < 1.f))
     throw SceneError{desc.location, "g of a medium must lie between -1 and 1, got " + std::to_string(m.g)};

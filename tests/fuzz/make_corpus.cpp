@@ -106,6 +106,11 @@ wire::Reply renderer_reply(wire::TaskUuid id, std::uint32_t task, std::size_t pi
   return {id, 1, std::move(r)};
 }
 
+wire::Reply with_lobes(wire::Reply reply) {
+  std::get<wire::RendererReply>(reply.payload).negative_lobes = true;
+  return reply;
+}
+
 std::vector<std::pair<std::string, wire::Message>> messages() {
   wire::Challenge challenge;
   challenge.set_nonce(std::string(32, 'n'));
@@ -169,6 +174,7 @@ std::vector<std::pair<std::string, wire::Message>> messages() {
           {"nearest-rays", nearest},
           {"nearest-reply", wire::Reply{{1000, 3}, 1, wire::some_nearest(7)}},
           {"renderer-reply", renderer_reply({1, 2}, 1, 4)},
+          {"renderer-reply-lobes", with_lobes(renderer_reply({1, 2}, 1, 4))},
           {"refusal", wire::Reply{{1000, 1}, 1, wire::Refusal{}}},
           {"path-ends", ends},
           {"status", status},

@@ -1,0 +1,53 @@
+#include "parts/grid_use.h"
+
+namespace cloudrenderer {
+namespace {
+
+struct MediumUse {
+  bool used = false, everywhere = false;  // not only within `box`
+  Bounds3 box;                            // of the surfaces that have it
+};
+
+std::vector<MediumUse> media_in_use(const SceneDescription& scene, std::span<const ShapeRow> rows) {
+  std::vector<MediumUse> uses(scene.media.size());
+  if (scene.dialect == Dialect::v2)
+    for (MediumUse& use : uses) use = {true, true, {}};
+  if (scene.camera.medium && scene.camera.medium.value < uses.size()) uses[scene.camera.medium.value] = {true, true, {}};
+  for (const ShapeRow& row : rows) {
+    if (row.material >= scene.materials.size()) continue;
+    const MaterialDesc& material = scene.materials[row.material];
+    for (const MediumId m : {material.inside, material.outside}) {
+      if (!m || m.value >= uses.size()) continue;
+      uses[m.value].used = true;
+      if (row.prototype == kNone)
+        uses[m.value].box.extend(row.box);
+      else
+        uses[m.value].everywhere = true;  // where its instances stand is not looked at
+    }
+  }
+  return uses;
+}
+
+}  // namespace
+
+std::vector<bool> grids_in_use(const SceneDescription& scene, std::span<const ShapeRow> rows, std::span<const SpooledBrick> bricks,
+                               Warnings& warnings) {
+  const std::vector<MediumUse> uses = media_in_use(scene, rows);
+  std::vector<Bounds3> boxes(uses.size());
+  for (const SpooledBrick& b : bricks) boxes.at(b.record.medium).extend(b.box);
+  std::vector<bool> out(uses.size());
+  for (std::size_t m = 0; m < uses.size(); ++m) {
+    out[m] = uses[m].used;
+    if (boxes[m].empty() || uses[m].everywhere) continue;
+    const FileLocation& where = scene.media[m].location;
+    const Vec3 little = 0.01f * boxes[m].diagonal();
+    const Bounds3& around = uses[m].box;
+    if (!uses[m].used)
+      warnings.add(where, "no surface and no camera is in this medium: its grid is not loaded");
+    else if (glm::any(glm::greaterThan(around.min, boxes[m].min + little)) || glm::any(glm::lessThan(around.max, boxes[m].max - little)))
+      warnings.add(where, "the surfaces that bound this medium are smaller than the box of its grid: outside of them it shades lights, too");
+  }
+  return out;
+}
+
+}  // namespace cloudrenderer
