@@ -34,7 +34,8 @@ def layout(name, c):
         if c.category == frames.pb.TRACER:
             return [("accepted", "<u8", 1, words), ("tested", "<u8", 1, c.misses)] + [("windows", "<u2", 1, c.misses)] * c.windows
         if c.category == frames.pb.RENDERER:
-            return [("counts", "<u4", 2, c.count), ("sums", f"i{c.sum_bytes}", 6, c.count)]
+            n = c.count * (2 if c.negative_lobes else 1)
+            return [("counts", "<u4", 2, n), ("sums", f"i{c.sum_bytes}", 6, n)]
         if not c.nearest:
             return [("blocked", "<u8", 1, words)]
         return ([("found", "<u8", 1, words), ("t", "<f4", 1, c.hits), ("uv", "<f4", 2, c.hits), ("shape", "<u4", 1, c.hits),
