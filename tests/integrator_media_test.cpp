@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-
 #include <fstream>
 #include <random>
 
@@ -119,6 +118,33 @@ TEST(Media, AGridInsideOfAnInterface) {
                             "MakeNamedMedium \"cloud\" \"string type\" \"heterogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" [4 4 4] \"float g\" [.5] "
                             "\"point p0\" [-1 -1 -.5] \"point p1\" [1 1 1.5] " + grid_numbers(40, 36, 30) +
                             "AttributeBegin\nMaterial \"\"\nMediumInterface \"cloud\" \"\"\nTranslate 0 0 .5\nShape \"sphere\" \"float radius\" [2]\nAttributeEnd\nWorldEnd\n");
+}
+
+// A floor under a box of fog whose grid is eight times as large in each direction, and of homogeneous fog.
+TEST(Media, AGridOutsideOfItsSurfacesShadesNothing) {
+  const auto brightness = [](const std::string& fog) {
+    const std::string box = "Shape \"trianglemesh\" \"point P\" [-.25 -.25 -.25  .25 -.25 -.25  .25 .25 -.25  -.25 .25 -.25  -.25 -.25 .25  .25 -.25 .25  .25 .25 .25  -.25 .25 .25] "
+                            "\"integer indices\" [0 2 1 0 3 2  4 5 6 4 6 7  0 1 5 0 5 4  3 6 2 3 7 6  0 7 3 0 4 7  1 2 6 1 6 5]\n";
+    const std::string scene = "LookAt 0 0 3  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" [60]\n"
+                              "Film \"image\" \"integer xresolution\" [16] \"integer yresolution\" [16] \"string filename\" \"x.exr\"\n"
+                              "Sampler \"halton\" \"integer pixelsamples\" [64]\nIntegrator \"volpath\" \"integer maxdepth\" [1]\nWorldBegin\n"
+                              "LightSource \"point\" \"rgb I\" [9 9 9] \"point from\" [0 0 2]\nMaterial \"matte\"\n"
+                              "Shape \"trianglemesh\" \"point P\" [-4 -4 -1  4 -4 -1  4 4 -1  -4 4 -1] \"integer indices\" [0 1 2 2 3 0]\n" +
+                              fog + "Material \"none\"\nMediumInterface \"fog\" \"\"\n" + box + "WorldEnd\n";
+    std::size_t parts;
+    RayCounts counts;
+    double sum = 0;
+    for (const auto& [key, radiance] : render_split(scene, std::uint64_t{64} << 20, parts, counts)) sum += static_cast<double>(radiance[1]);
+    return sum;
+  };
+  const std::string numbers = " \"rgb sigma_a\" [3 3 3] \"rgb sigma_s\" [0 0 0]\n";
+  const double even = brightness("MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"" + numbers);
+  const double clear = brightness("MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" [0 0 0]\n");
+  EXPECT_LT(even, 0.98 * clear) << "there is a shadow";
+  std::string ones = "MakeNamedMedium \"fog\" \"string type\" \"heterogeneous\" \"point p0\" [-2 -2 -2] \"point p1\" [2 2 2] "
+                     "\"integer nx\" 40 \"integer ny\" 40 \"integer nz\" 40 \"float density\" [";
+  for (int i = 0; i < 40 * 40 * 40; ++i) ones += "1 ";
+  EXPECT_NEAR(brightness(ones + "]" + numbers) / even, 1, 0.01);
 }
 
 }  // namespace

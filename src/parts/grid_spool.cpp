@@ -4,6 +4,8 @@
 
 namespace cloudrenderer {
 
+Bounds3 brick_box(const DensityBrick& brick) { return grown(Bounds3{brick.low, brick.high}.transformed(brick.object_to_world)); }
+
 void GridSpool::add(const GridDesc& grid, std::uint32_t shape) {
   const auto take = [&](const DensityBrick& brick, std::uint32_t number, std::span<const float> samples) {
     if (bricks_.size() >= kNone) throw SceneError(grid.location, "more than 2^32 bricks of density grids");
@@ -12,7 +14,7 @@ void GridSpool::add(const GridDesc& grid, std::uint32_t shape) {
     b.record.medium = grid.medium.value;
     b.record.shape = shape;
     b.record.primitive = number;
-    b.box = grown(Bounds3{brick.low, brick.high}.transformed(brick.object_to_world));
+    b.box = brick_box(brick);
     b.first_sample = densities_.size();
     if (!is_finite(b.box.min) || !is_finite(b.box.max)) throw SceneError(grid.location, "the density grid is not finite");
     bricks_.push_back(b);

@@ -13,6 +13,8 @@ struct SpooledBrick {
   std::uint64_t first_sample = 0;
 };
 
+Bounds3 brick_box(const DensityBrick& brick);  // in the world
+
 // The bricks of a scene's density grids in temporary files.
 class GridSpool {
  public:
@@ -29,6 +31,7 @@ class GridSpool {
   void add(const GridDesc& grid, std::uint32_t shape);  // its global id
   bool empty() const { return bricks_.size() == 0; }
   View map() { return {bricks_.map(), densities_.map()}; }
+  std::span<SpooledBrick> bricks() { return bricks_.map(); }  // likewise
 
  private:
   SpoolArray<SpooledBrick> bricks_;

@@ -30,14 +30,11 @@ std::vector<MediumUse> media_in_use(const SceneDescription& scene, std::span<con
 
 }  // namespace
 
-std::vector<bool> grids_in_use(const SceneDescription& scene, std::span<const ShapeRow> rows, std::span<const SpooledBrick> bricks,
-                               Warnings& warnings) {
+void clip_bricks(const SceneDescription& scene, std::span<const ShapeRow> rows, std::span<SpooledBrick> bricks, Warnings& warnings) {
   const std::vector<MediumUse> uses = media_in_use(scene, rows);
   std::vector<Bounds3> boxes(uses.size());
   for (const SpooledBrick& b : bricks) boxes.at(b.record.medium).extend(b.box);
-  std::vector<bool> out(uses.size());
   for (std::size_t m = 0; m < uses.size(); ++m) {
-    out[m] = uses[m].used;
     if (boxes[m].empty() || uses[m].everywhere) continue;
     const FileLocation& where = scene.media[m].location;
     const Vec3 little = 0.01f * boxes[m].diagonal();
@@ -45,9 +42,19 @@ std::vector<bool> grids_in_use(const SceneDescription& scene, std::span<const Sh
     if (!uses[m].used)
       warnings.add(where, "no surface and no camera is in this medium: its grid is not loaded");
     else if (glm::any(glm::greaterThan(around.min, boxes[m].min + little)) || glm::any(glm::lessThan(around.max, boxes[m].max - little)))
-      warnings.add(where, "the surfaces that bound this medium are smaller than the box of its grid: outside of them it shades lights, too");
+      warnings.add(where, "the surfaces that bound this medium are smaller than the box of its grid: it shades lights in the whole box around them");
   }
-  return out;
+  for (SpooledBrick& b : bricks) {
+    const MediumUse& use = uses[b.record.medium];
+    if (use.everywhere) continue;
+    DensityBrick& brick = b.record.brick;
+    // What the surfaces' own rounding may reach.
+    const Vec3 margin = 1e-4f * use.box.diagonal();
+    const Bounds3 box = use.used ? Bounds3{use.box.min - margin, use.box.max + margin}.transformed(brick.object_to_world.inverse()) : Bounds3{};
+    brick.low = glm::max(brick.low, box.min);
+    brick.high = glm::min(brick.high, box.max);
+    b.box = Bounds3{brick.low, brick.high}.empty() ? Bounds3{} : brick_box(brick);
+  }
 }
 
 }  // namespace cloudrenderer

@@ -9,10 +9,9 @@
 
 namespace cloudrenderer {
 
-// By medium, whether its grid can be seen: some surface or the camera has the medium (pbrt-v3 and v4; of pbrt-v2 all have
-// room of their own). Warns of the others, and of media whose surfaces are smaller than the box of the grid, since shadow
-// rays meet all of it.
-std::vector<bool> grids_in_use(const SceneDescription& scene, std::span<const ShapeRow> rows, std::span<const SpooledBrick> bricks,
-                               Warnings& warnings);
+// Leaves of each brick what can be seen of it: nothing, with an empty box, where no surface and no camera has its medium;
+// what is in the box around the surfaces that have it; of pbrt-v2's, whose media have room of their own, everything. Paths
+// never meet more of it, shadow rays would. Warns of what nobody uses, and of media whose surfaces are smaller than their grid.
+void clip_bricks(const SceneDescription& scene, std::span<const ShapeRow> rows, std::span<SpooledBrick> bricks, Warnings& warnings);
 
 }  // namespace cloudrenderer

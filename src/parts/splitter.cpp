@@ -344,13 +344,12 @@ void SceneSplitter::Work::expand_instances() {
 }
 
 void SceneSplitter::Work::add_bricks() {
-  const std::span<const SpooledBrick> bricks = scene_.grids().map().bricks;
-  if (bricks.empty()) return;
-  const std::vector<bool> used = grids_in_use(manifest_.scene, scene_.spool().map().rows, bricks, warnings_);
+  const std::span<SpooledBrick> bricks = scene_.grids().bricks();
+  clip_bricks(manifest_.scene, scene_.spool().map().rows, bricks, warnings_);
   std::uint32_t number = 0;
   for (const SpooledBrick& b : bricks) {
     const std::uint32_t brick = number++;
-    if (!used[b.record.medium]) continue;
+    if (b.box.empty()) continue;
     items_.push_back({b.box, kBrickItem, brick});
     instance_box_.extend(b.box);
   }

@@ -158,8 +158,10 @@ class FiftyJobs(service_support.ServiceTest):
         elif always_busy:
             self.assertLessEqual(there - sums["host_s"], METER * there + 1.3 * BEAT * len(killed) + 6 * killed_service * len(stayed))
         self.assertGreater(sums["bytes"] / sent, 1 - METER)
-        if not killed_service:  # what a killed host has said to the pool last, it may not have said to the frame
-            self.assertLess(sums["bytes"] / sent, 1 + METER * (1 + len(killed)))
+        # What a killed host has said to the pool last, it may not have said to the frame: of few short jobs it is more than
+        # 2 % (4.6 was seen).
+        if not killed_service:
+            self.assertLess(sums["bytes"] / sent, 1 + METER * (1 + (1 if always_busy else 2) * len(killed)))
         self.assertTrue(all(s["usage"]["service_cpu_s"] > 0 for s in states), "managing the frames is not metered")
 
     def check_shares(self, looks):
