@@ -5,26 +5,29 @@ namespace {
 
 struct MediumUse {
   bool used = false, everywhere = false;  // not only within `box`
+  bool inside = false;                    // of some surface
   Bounds3 box;                            // of the surfaces that have it
 };
 
 std::vector<MediumUse> media_in_use(const SceneDescription& scene, std::span<const ShapeRow> rows) {
   std::vector<MediumUse> uses(scene.media.size());
   if (scene.dialect == Dialect::v2)
-    for (MediumUse& use : uses) use = {true, true, {}};
-  if (scene.camera.medium && scene.camera.medium.value < uses.size()) uses[scene.camera.medium.value] = {true, true, {}};
+    for (MediumUse& use : uses) use = {true, true, true, {}};
+  if (scene.camera.medium && scene.camera.medium.value < uses.size()) uses[scene.camera.medium.value] = {true, true, true, {}};
   for (const ShapeRow& row : rows) {
     if (row.material >= scene.materials.size()) continue;
     const MaterialDesc& material = scene.materials[row.material];
     for (const MediumId m : {material.inside, material.outside}) {
       if (!m || m.value >= uses.size()) continue;
       uses[m.value].used = true;
+      uses[m.value].inside = uses[m.value].inside || m == material.inside;
       if (row.prototype == kNone)
         uses[m.value].box.extend(row.box);
       else
         uses[m.value].everywhere = true;  // where its instances stand is not looked at
     }
   }
+  for (MediumUse& use : uses) use.everywhere = use.everywhere || (use.used && !use.inside);  // around surfaces: without end
   return uses;
 }
 
