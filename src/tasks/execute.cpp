@@ -428,8 +428,9 @@ WorkResult run(const PathEngine& engine, Work&, CameraWork& w) {
 WorkResult run(const PathEngine& engine, Work& work, CollectWork& w) {
   WorkResult r;
   r.ledgers = std::move(w.ledgers);
+  const bool lobes = engine.has_negative_lobes();
   for (const RendererRange& range : w.opened)
-    r.ledgers.try_emplace(range.task, range, work.film_width, work.features, engine.has_negative_lobes());
+    r.ledgers.try_emplace(range.task, range, work.film_width, work.features, lobes);
   auto ledger = r.ledgers.end();
   const auto find = [&](std::uint32_t task) {
     if (ledger == r.ledgers.end() || ledger->first != task) ledger = r.ledgers.find(task);
@@ -441,7 +442,7 @@ WorkResult run(const PathEngine& engine, Work& work, CollectWork& w) {
         ++r.unknown;
         continue;
       }
-      switch (ledger->second.record(e, engine.in_negative_lobe(e.pixel, e.sample))) {
+      switch (ledger->second.record(e, lobes && engine.in_negative_lobe(e.pixel, e.sample))) {
         case RendererLedger::Outcome::counted:
           break;
         case RendererLedger::Outcome::duplicate:
