@@ -34,10 +34,6 @@ void write_all(int fd, const std::byte* data, std::size_t bytes) {
   }
 }
 
-}  // namespace
-
-namespace {
-
 MappedFile read_small(int fd, std::size_t size, const std::string& path) {
   const std::shared_ptr<std::byte[]> data(new (std::align_val_t{64}) std::byte[size + kSpareBytes](),
                                           [](std::byte* p) { ::operator delete[](p, std::align_val_t{64}); });

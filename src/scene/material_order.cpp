@@ -4,6 +4,16 @@
 
 namespace cloudrenderer {
 
+std::optional<std::uint32_t> mixed_material(const ParamSet& mix, std::string_view name) {
+  const Param* p = mix.find(name);
+  if (!p || p->type != ParamType::string || p->strings.size() != 1) return std::nullopt;
+  const std::string& digits = p->strings[0];
+  std::uint32_t number = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  if (error != std::errc{} || end != digits.data() + digits.size()) return std::nullopt;
+  return number;
+}
+
 std::vector<std::uint32_t> material_order(const SceneDescription& scene) {
   const std::size_t n = scene.materials.size();
   std::vector<std::uint32_t> order, waiting;
@@ -11,12 +21,8 @@ std::vector<std::uint32_t> material_order(const SceneDescription& scene) {
   std::vector<bool> placed(n);
   const auto is_ready = [&](const MaterialDesc& m) {
     if (m.type != "mix") return true;
-    for (const char* name : {"namedmaterial1", "namedmaterial2"}) {
-      const Param* p = m.params.find(name);
-      std::size_t i = n;
-      if (p && p->strings.size() == 1) std::from_chars(p->strings[0].data(), p->strings[0].data() + p->strings[0].size(), i);
-      if (i < n && !placed[i]) return false;
-    }
+    for (const char* name : kMixed)
+      if (const auto i = mixed_material(m.params, name); i && *i < n && !placed[*i]) return false;
     return true;
   };
   const auto place = [&](std::uint32_t i) {

@@ -3,7 +3,6 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -225,16 +224,9 @@ class Decoder {
 
  private:
   static void check_mix(const MaterialDesc& mix, std::size_t materials) {
-    for (const char* name : {"namedmaterial1", "namedmaterial2"}) {
-      const Param* p = mix.params.find(name);
-      check(p && p->type == ParamType::string && p->strings.size() == 1,
-            "a mix without its materials");
-      const std::string& digits = p->strings[0];
-      std::uint32_t index = 0;
-      const auto [stop, error] =
-          std::from_chars(digits.data(), digits.data() + digits.size(), index);
-      check(error == std::errc{} && stop == digits.data() + digits.size() && index < materials,
-            "a mix of materials that are not there");
+    for (const char* name : kMixed) {
+      const auto index = mixed_material(mix.params, name);
+      check(index && *index < materials, "a mix of materials that are not there");
     }
   }
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 
+#include "scene/material_order.h"
 #include "shading/material_kinds.h"
 
 namespace cloudrenderer {
@@ -46,15 +46,14 @@ class Mix final : public Material {
 };
 
 const MaterialRecord* mixed(MaterialInputs& in, std::string_view name) {
-  const std::string text = in.params.params().string(name, "");
-  std::size_t index = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
-  if (error != std::errc() || end != text.data() + text.size() || index >= in.all.size()) {
+  in.params.params().string(name, "");  // so that it counts as read
+  const auto index = mixed_material(in.params.params(), name);
+  if (!index || *index >= in.all.size()) {
     in.params.warn("mix material: there is no material for \"" + std::string(name) +
                    "\"; leaving it out");
     return nullptr;
   }
-  const MaterialRecord* r = &in.all[index];
+  const MaterialRecord* r = &in.all[*index];
   in.params.needs() |= r->needs;
   if (r->textured) in.params.set_textured();
   in.tangents = in.tangents || r->tangents;
