@@ -288,7 +288,7 @@ std::vector<Broken> scenes_of_v4() {
       {P, "no material \"a\"", w("Material \"mix\" \"string materials\" [\"a\" \"b\"]")},
       {P, "is unknown: diffuse is used", w("Material \"principled\" Shape \"sphere\"")},
       {P, "its grid is not loaded", w("MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" 1 Shape \"sphere\"")},
-      {P, "smaller than the box of its grid", w("MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" 1 MediumInterface \"m\" \"\" Material \"interface\" Shape \"sphere\" \"float radius\" .1")},
+      {P, "smaller than the box of its grid", w("MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" 1 MediumInterface \"m\" \"\" Material \"dielectric\" Shape \"sphere\" \"float radius\" .1")},
       {P, "\"L\" is ignored", w("LightSource \"infinite\" \"rgb L\" [1 1 1] \"string filename\" \"map.exr\"")},
       {P, "has no parameter \"roughness\"", w("Material \"diffuse\" \"float roughness\" 1")},
       {P, "cannot read", w("Material \"diffuse\" \"string normalmap\" \"x.png\"")},

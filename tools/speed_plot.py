@@ -1,6 +1,8 @@
 """Draws the plots of speed_error.py; run by it with a Python that has matplotlib.
 
 usage: speed_plot.py JOBS.json     {path without ending: {"title", "panels": [{"x", "lines": [...]}]}}
+
+With "columns" the panels stand in rows of so many, each with a scale and a "title" of its own.
 """
 import json
 import sys
@@ -18,8 +20,14 @@ def main():
     matplotlib.rcParams["svg.fonttype"] = "none"
     matplotlib.rcParams["svg.hashsalt"] = "speed_error"  # the same names in every run
     for path, job in json.load(open(sys.argv[1])).items():
-        figure, axes = plt.subplots(1, len(job["panels"]), figsize=(5.4 * len(job["panels"]), 4.2), sharey=True, squeeze=False)
-        for axis, panel in zip(axes[0], job["panels"]):
+        count = len(job["panels"])
+        columns = min(job.get("columns", count), count)
+        rows = -(-count // columns)
+        figure, axes = plt.subplots(rows, columns, figsize=(5.4 * columns, 4.2 * rows), sharey="columns" not in job, squeeze=False)
+        for axis in axes.flat[count:]:
+            axis.set_axis_off()
+        for axis, panel in zip(axes.flat, job["panels"]):
+            axis.set_title(panel.get("title", ""))
             for line in panel["lines"]:
                 axis.loglog(line["x"], line["y"], "--" if line["dashed"] else "o-", label=line["label"] or None,
                             color=COLOURS[line["colour"] % len(COLOURS)], alpha=.5 if line["dashed"] else 1, markersize=4)
@@ -29,7 +37,8 @@ def main():
                 side.set_minor_formatter(ticker.NullFormatter())
             axis.set_xlabel(panel["x"])
             axis.grid(True, which="both", alpha=.25)
-        axes[0][0].set_ylabel("relMSE")
+        for row in axes:
+            row[0].set_ylabel("relMSE")
         axes[0][-1].legend(fontsize=8)
         figure.suptitle(job["title"])
         figure.tight_layout()

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstddef>
 
+#include "integrator/crossings.h"
 #include "integrator/path_time.h"
 #include "integrator/shadow_channel.h"
 #include "integrator/timer.h"
@@ -91,12 +92,13 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings,
                           film_diagonal(manifest.scene.film));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
-  if (job.media != MediaTransport::none) build_media(manifest.scene, main_part, warnings);
+  if (job.media != MediaTransport::none) build_media(manifest, main_part, warnings);
   if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);
   resident.load_part(PartId{0}, std::move(main_part));
 }
 
-void PathTracer::build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings) {
+void PathTracer::build_media(const Manifest& manifest, const Part& main_part, Warnings& warnings) {
+  const SceneDescription& scene = manifest.scene;
   media_ = Media::build(scene, warnings);
   if (media_ && !media_->grids().empty()) {
     grids_ = true;
@@ -111,6 +113,9 @@ void PathTracer::build_media(const SceneDescription& scene, const Part& main_par
   for (const MaterialDesc& m : scene.materials) interfaces_.push_back({number(m.inside), number(m.outside)});
   const auto is_null = [&](const auto& shape) { return shading_->is_null(shape.material); };
   null_surfaces_ = std::ranges::any_of(main_part.chunks, is_null) || std::ranges::any_of(main_part.quadrics, is_null);
+  if (!null_surfaces_ || manifest.bounded_media.empty()) return;
+  bounded_.resize(scene.media.size());
+  for (const std::uint32_t medium : manifest.bounded_media) bounded_.at(medium) = true;
 }
 
 float PathTracer::time_of(std::uint32_t pixel, std::uint32_t sample) const {
@@ -394,8 +399,10 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
         const OcclusionRay& r = rays[first + i];
         TraceRay ray{r.origin, r.t_max, r.direction, times.empty() ? 0.f : times[first + i]};
         BrickRay bricks;
+        ShadowStretches stretches(*this, set, r, ray.time);
         if (grids_) {
           bricks = shadow_brick_ray(r);
+          if (!bounded_.empty()) bricks.stretches = &stretches;
           ray.bricks = &bricks;
         }
         PathSegment probe;

@@ -9,6 +9,7 @@
 #include "shading/lights.h"
 #include "shading/material.h"
 #include "shading/media.h"
+#include "shapes/surface.h"
 #include "trace/resident.h"
 
 namespace cloudrenderer {
@@ -58,9 +59,14 @@ class PathTracer final : public PathEngine {
   };
   struct Shader;
   class EightShader;
-  void build_media(const SceneDescription& scene, const Part& main_part, Warnings& warnings);
+  class Crossings;
+  class ShadowStretches;
+  void build_media(const Manifest& manifest, const Part& main_part, Warnings& warnings);
   std::uint32_t channel_of(const PathSegment& s) const;
   Rgb tint(const PathSegment& s) const;
+  // `time` counts for hits of instances.
+  SurfacePoint surface(const ResidentSet& set, const Vec3& origin, const Vec3& direction, float time, const Hit& hit,
+                       std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
   BrickRay brick_ray(const PathSegment& s, const SampleSequence& sequence) const;
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
@@ -95,6 +101,7 @@ class PathTracer final : public PathEngine {
   // pbrt-v3 and v4, or such lights would not shine into a medium without bounds.
   float longest_shadow_ = kInfinity;
   bool grids_ = false;     // there are bricks to collide with
+  std::vector<bool> bounded_;  // by medium: Manifest::bounded_media; empty where there is none
   bool one_channel_ = false;  // a path is of one channel: grids differ between them
   bool null_surfaces_ = false;  // shadow rays pass surfaces without material: these are all in the main scene
   std::unique_ptr<Camera> camera_;

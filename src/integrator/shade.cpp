@@ -37,19 +37,24 @@ Vec3Of<F> lit_side(const BsdfOf<F>& bsdf, const Vec3Of<F>& ns, const Vec3Of<F>& 
 SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material,
                                          std::uint32_t& light, bool derivatives) const {
   if (hit.geometry == kAnsweredHit) return surface(answered[hit.index], hit, material, light, derivatives);
+  const float time = hit.instance != kNone && tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f;
+  return tracer.surface(set, origin, direction, time, hit, material, light, derivatives);
+}
+
+SurfacePoint PathTracer::surface(const ResidentSet& set, const Vec3& origin, const Vec3& direction, float time, const Hit& hit,
+                                 std::uint32_t& material, std::uint32_t& light, bool derivatives) const {
   const Part& part = hit.instance == kNone ? set.part(hit.part) : set.prototype(hit.part, hit.instance);
   SurfacePoint p;
   const Transform* to_world = nullptr;
   Transform moved;
-  if (hit.instance != kNone)
-    to_world = &set.place(hit.part, hit.instance, tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f, moved);
+  if (hit.instance != kNone) to_world = &set.place(hit.part, hit.instance, time, moved);
   if (hit.geometry == 0) {
     const MeshChunk& c = part.chunk_of(hit.index);
     material = c.material;
     light = c.light;
     // pbrt-v2 takes the side of a triangle from its uv map.
-    const TriangleVertices tri = vertices_of(part, c, hit.index, derivatives || tracer.dialect_ == Dialect::v2);
-    p = triangle_point(tri, c.flip != 0, tracer.dialect_, hit.u, hit.v, derivatives);
+    const TriangleVertices tri = vertices_of(part, c, hit.index, derivatives || dialect_ == Dialect::v2);
+    p = triangle_point(tri, c.flip != 0, dialect_, hit.u, hit.v, derivatives);
   } else if (hit.geometry == kCurveHit) {
     const CurveGroup& g = part.curves.group_of(hit.index);
     material = g.material;

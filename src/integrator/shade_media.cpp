@@ -1,4 +1,5 @@
 // What a path does between surfaces.
+#include "integrator/crossings.h"
 #include "integrator/shader.h"
 #include "shading/phase.h"
 #include "shapes/surface.h"
@@ -6,8 +7,6 @@
 namespace cloudrenderer {
 
 namespace {
-
-constexpr int kMaxCrossings = 1000;  // of null surfaces by one shadow ray, or events of one path that do not scatter it
 
 // The numbers of the stretch that ends at the path's next surface: null surfaces end one without a vertex.
 MediumNumbers numbers_of(const JobSettings& job, const PathSegment& s) {
@@ -119,26 +118,16 @@ Rgb PathTracer::Shader::shadow_transmittance(const Vec3& origin, const Vec3& dir
   float reach = distance >= shadow_length(kInfinity) ? std::min(distance, tracer.longest_shadow_) : distance;
   if (!tracer.null_surfaces_) return media.transmittance(medium, {origin, direction, reach});
   Rgb passed(1.f);
+  Crossings at(tracer, set, origin, direction, distance, tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f);
   Vec3 from = origin;
-  const float time = tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f;
-  for (int crossings = 0; crossings < kMaxCrossings; ++crossings) {
-    Hit hit;
-    hit.t = distance;
-    if (!traceable(from, direction) || !set.intersect(0, {from, distance, direction, time}, hit))
-      return passed * media.transmittance(medium, {from, direction, reach});
-    std::uint32_t material, light;
-    const SurfacePoint p = surface(from, direction, hit, material, light, false);
-    if (!tracer.shading_->is_null(material)) return Rgb(0.f);
-    passed *= media.transmittance(medium, {from, direction, std::min(hit.t, reach)});
-    reach = std::max(0.f, reach - hit.t);
-    const Interface& between = tracer.interfaces_[material];
-    if (between.inside != between.outside)
-      medium = glm::dot(direction, p.ng) > 0.f ? between.outside : between.inside;
-    from = ray_start(p.p, ray_offset(p.p, p.p_error, p.ng), p.ng, direction);
-    distance -= hit.t;
-    if (!(distance > 0.f)) return passed;
+  while (at.next()) {
+    if (!tracer.shading_->is_null(at.material())) return Rgb(0.f);
+    passed *= media.transmittance(medium, {from, direction, std::min(at.step(), reach)});
+    reach = std::max(0.f, reach - at.step());
+    if (at.is_border()) medium = at.entered_medium();
+    from = at.from();
   }
-  return Rgb(0.f);
+  return at.is_endless() ? Rgb(0.f) : passed * media.transmittance(medium, {from, direction, reach});
 }
 
 }  // namespace cloudrenderer

@@ -64,6 +64,7 @@ void write(const Manifest& m, proto::Manifest& out) {
   write_box(m.bounds, out.mutable_bounds());
   out.set_content_hash(m.content_hash);
   out.set_moves(m.moves);
+  for (const std::uint32_t medium : m.bounded_media) out.add_bounded_media(medium);
 }
 
 // Null when all is well, else what is wrong.
@@ -108,6 +109,10 @@ const char* read(const proto::Manifest& in, Manifest& m) {
   if (!read_bounds(in.bounds(), m.bounds)) return "the scene's box is no box";
   m.content_hash = in.content_hash();
   m.moves = in.moves();
+  for (const std::uint32_t medium : in.bounded_media()) {
+    if (medium >= m.scene.media.size() || (!m.bounded_media.empty() && medium <= m.bounded_media.back())) return "a bounded medium is none";
+    m.bounded_media.push_back(medium);
+  }
   return nullptr;
 }
 

@@ -193,6 +193,9 @@ struct Manifest {
   std::vector<AreaLightId> shape_lights;
   std::uint64_t total_triangles = 0;      // distinct ones
   bool moves = false;                     // some instance does: rays have a time
+  // Media of the scene that begin and end at surfaces of the main scene only, and that are without material: which parts of
+  // a ray are in them is known from these surfaces. Ascending.
+  std::vector<std::uint32_t> bounded_media;
   Bounds3 bounds;                         // of the whole scene
   std::uint64_t content_hash = 0;         // of everything above and all part files: names this split
 };

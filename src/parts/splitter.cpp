@@ -345,7 +345,7 @@ void SceneSplitter::Work::expand_instances() {
 
 void SceneSplitter::Work::add_bricks() {
   const std::span<SpooledBrick> bricks = scene_.grids().bricks();
-  clip_bricks(manifest_.scene, scene_.spool().map().rows, bricks, warnings_);
+  manifest_.bounded_media = clip_bricks(manifest_.scene, scene_.spool().map().rows, lifted_, bricks, warnings_);
   std::uint32_t number = 0;
   for (const SpooledBrick& b : bricks) {
     const std::uint32_t brick = number++;

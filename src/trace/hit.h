@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <span>
 
 #include "base/lanes.h"
 #include "base/random.h"
@@ -32,6 +33,20 @@ inline bool comes_before(float t, std::uint32_t shape, std::uint32_t primitive, 
   return shape != hit.shape ? shape < hit.shape : primitive < hit.primitive;
 }
 
+// A part of a ray, and what it is in: 1 + the number of a medium, or 0.
+struct MediumStretch {
+  float begin = 0, end = 0;
+  std::uint16_t medium = 0;
+};
+
+// Says where along a shadow ray bricks count: asked when the ray meets one. On one thread.
+class MediumStretches {
+ public:
+  virtual ~MediumStretches() = default;
+  // All of the ray, from its start; none where all of it counts for bricks of this medium.
+  virtual std::span<const MediumStretch> along(std::uint32_t medium) = 0;
+};
+
 // What a ray must know to collide with bricks of density grids.
 struct BrickRay {
   static constexpr std::uint16_t kAnyMedium = 0xffffu;
@@ -40,6 +55,7 @@ struct BrickRay {
   std::uint32_t dimension = 0;  // of the sequence
   std::uint32_t channel = 0; // whose rates count
   std::uint16_t medium = kAnyMedium;  // only bricks of this one count: 1 + its number
+  MediumStretches* stretches = nullptr;  // none: they count all along the ray
 };
 
 struct TraceRay {

@@ -434,8 +434,19 @@ float LoadedPart::collide(std::uint32_t brick, const Vec3& origin, const Vec3& d
   Vec2 first{to_unit(static_cast<std::uint32_t>(key >> 32)), to_unit(static_cast<std::uint32_t>(key))};
   if (ray.sequence) first = ray.sequence->get_2d(ray.dimension + static_cast<std::uint32_t>(number));
   const std::size_t n = b.brick.channel_samples(), channel = b.brick.densities == 3 ? ray.channel : 0;
-  return track(b.brick, part_.densities.subspan(b.first_sample + n * channel, n), origin, direction, t_far,
-               (shadow ? rate.blocking : rate.event)[static_cast<int>(ray.channel)], first, key);
+  const auto densities = part_.densities.subspan(b.first_sample + n * channel, n);
+  const float collisions = (shadow ? rate.blocking : rate.event)[static_cast<int>(ray.channel)];
+  const auto stretches = ray.stretches ? ray.stretches->along(b.medium) : std::span<const MediumStretch>();
+  if (stretches.empty()) return track(b.brick, densities, origin, direction, t_far, collisions, first, key);
+  for (std::size_t i = 0; i < stretches.size(); ++i) {
+    const MediumStretch& s = stretches[i];
+    if (s.medium != b.medium + 1) continue;
+    const std::uint64_t own = mix64(key + i);
+    const float t = track(b.brick, densities, origin + s.begin * direction, direction, std::min(s.end, t_far) - s.begin, collisions,
+                          {to_unit(static_cast<std::uint32_t>(own >> 32)), to_unit(static_cast<std::uint32_t>(own))}, own);
+    if (t < kInfinity) return s.begin + t;
+  }
+  return kInfinity;
 }
 
 void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t instance, std::uint32_t& shape,
