@@ -13,7 +13,7 @@ little. Prints the time to reach each error and the ratios, and writes into --ou
 
 Needs Debian's python3-numpy, python3-openimageio and python3-venv; Mitsuba 3 and matplotlib come from PyPI into build/, and
 libllvm19 from Debian when this is run as root. Times: `render` is the rendering alone. Of ours and pbrt's that is the whole
-process less what a picture of 8 x 8 pixels and one sample takes (our own wall time we report ourselves); Mitsuba's is its
+process less what a picture of 8 x 8 pixels and one sample takes (ours we report ourselves); Mitsuba's is its
 render call, without importing, loading and compiling, which are given by themselves. Converged pictures are kept in --out
 and used again.
 """

@@ -2,7 +2,7 @@
 
 usage: speed_plot.py JOBS.json     {path without ending: {"title", "panels": [{"x", "lines": [...]}]}}
 
-With "columns" the panels stand in rows of so many, each with a scale and a "title" of its own.
+With "columns" the panels stand in rows of so many, each with a scale and a "title" of its own; "dpi" is the PNG's.
 """
 import json
 import sys
@@ -43,7 +43,7 @@ def main():
         figure.suptitle(job["title"])
         figure.tight_layout()
         for ending in ("svg", "png"):
-            figure.savefig(f"{path}.{ending}", dpi=120, metadata={"Date": None} if ending == "svg" else None)
+            figure.savefig(f"{path}.{ending}", dpi=job.get("dpi", 120), metadata={"Date": None} if ending == "svg" else None)
         plt.close(figure)
 
 

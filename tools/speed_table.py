@@ -66,6 +66,8 @@ def main():
         raise SystemExit(f"{args.results}: expected a file named " + " or ".join(f"{k}.json" for k in KINDS))
     kind, text_of, plot_of, title = KINDS[args.results.stem]
     results = json.loads(args.results.read_text())
+    for found in results["scenes"].values():  # JSON's keys are strings
+        found["rows"] = {int(k) if kind == "cluster" else k: rows for k, rows in found["rows"].items()}
     text = text_of(results)
     if not args.into:
         return print(text)
@@ -74,7 +76,7 @@ def main():
     if begin not in old or end not in old:
         raise SystemExit(f"{args.into}: expected the lines {begin} and {end}")
     figure = f"speed-{kind}" if kind != "speed" else "speed"
-    results["plots"] = {figure: {"title": title, "columns": 3, "panels": panels(results, plot_of)}}
+    results["plots"] = {figure: {"title": title, "columns": 3, "dpi": 72, "panels": panels(results, plot_of)}}
     speed_report.draw(args.results.parent, results, "install")
     (args.into.parent / f"{figure}.png").write_bytes((args.results.parent / "plots" / f"{figure}.png").read_bytes())
     args.into.write_text(f"{old.split(begin, 1)[0]}{begin}\n![{title}]({figure}.png)\n\n{text}\n{end}{old.split(end, 1)[1]}")

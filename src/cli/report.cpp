@@ -176,10 +176,12 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
       {"asks_per_path", per(static_cast<double>(asked), paths)},
       {"dropped_messages", dropped},
       {"interrupted", o.interrupted}};
-  // Processor seconds of the engine, when the host was this process.
+  // Processor seconds of rendering, and of the engine in it, when the host was this process.
   const auto& e = o.engine_s;
-  if (std::any_of(e.begin(), e.end(), [](double s) { return s > 0; }))
+  if (std::any_of(e.begin(), e.end(), [](double s) { return s > 0; })) {
+    out["time"]["render_cpu_s"] = o.render_cpu_s;
     out["engine_cpu_s"] = {{"camera", e[0]}, {"trace", e[1]}, {"shade", e[2]}, {"occlusion", e[3]}};
+  }
   if (o.model) out["model"] = report_model(o);
   return out;
 }
