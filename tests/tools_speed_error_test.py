@@ -50,6 +50,11 @@ def run_tool(*options):
                           capture_output=True, text=True, timeout=300)
 
 
+def table_of(results):
+    done = subprocess.run(["/usr/bin/python3", ROOT / "tools" / "speed_table.py", results], capture_output=True, text=True, timeout=60)
+    return done.stdout if done.returncode == 0 else done.stderr
+
+
 class Tool(unittest.TestCase):
 
     def test_two_tiny_scenes(self):
@@ -81,6 +86,9 @@ class Tool(unittest.TestCase):
             self.assertEqual(page.count("<h2>"), 2)
             self.assertIn("data:image/png;base64,", page)
             self.assertNotIn("src=\"http", page)
+            table = table_of(out / "speed_error.json")
+            self.assertEqual(table.count("\n### "), 2, table)
+            self.assertIn("| median | ", table)
 
     def test_too_few_samples_for_the_truth_are_refused(self):
         done = run_tool("--spp", "64", "--truth-spp", "128")
@@ -104,6 +112,8 @@ class Hosts(unittest.TestCase):
                 self.assertGreater(two["bytes_per_path"], 0)
                 self.assertTrue(0 <= two["waiting"] <= 1)
             self.assertEqual((out / "speed_cluster.html").read_text().count("<h2>"), 1)
+            table = table_of(out / "speed_cluster.json")
+            self.assertIn("\n| 2 | 8 | ", table)
 
 
 if __name__ == "__main__":

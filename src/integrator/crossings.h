@@ -41,11 +41,15 @@ class PathTracer::Crossings {
 };
 
 // What a shadow ray is in where surfaces tell, found when it is first asked for. A function of the ray and the main scene
-// alone, so that any host finds the same.
+// alone, so that any host finds the same. One ray after another.
 class PathTracer::ShadowStretches final : public MediumStretches {
  public:
-  ShadowStretches(const PathTracer& tracer, const ResidentSet& set, const OcclusionRay& ray, float time)
-      : tracer_(tracer), set_(set), ray_(ray), time_(time) {}
+  ShadowStretches(const PathTracer& tracer, const ResidentSet& set) : tracer_(tracer), set_(set) {}
+  void begin(const OcclusionRay& ray, float time) {
+    ray_ = ray;
+    time_ = time;
+    found_.clear();
+  }
   std::span<const MediumStretch> along(std::uint32_t medium) override;
 
  private:
@@ -54,8 +58,8 @@ class PathTracer::ShadowStretches final : public MediumStretches {
 
   const PathTracer& tracer_;
   const ResidentSet& set_;
-  const OcclusionRay& ray_;
-  float time_;
+  OcclusionRay ray_;
+  float time_ = 0;
   std::vector<MediumStretch> found_;
 };
 

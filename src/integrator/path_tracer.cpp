@@ -368,6 +368,7 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
                               std::span<std::uint8_t> blocked) const {
   for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = 0;
   CandidateList list;
+  ShadowStretches stretches(*this, set);
   for (std::size_t first = 0; first < rays.size(); first += 8) {
     const std::size_t n = std::min<std::size_t>(8, rays.size() - first);
     std::array<const float*, kLanes> starts, ends;
@@ -399,10 +400,12 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
         const OcclusionRay& r = rays[first + i];
         TraceRay ray{r.origin, r.t_max, r.direction, times.empty() ? 0.f : times[first + i]};
         BrickRay bricks;
-        ShadowStretches stretches(*this, set, r, ray.time);
         if (grids_) {
           bricks = shadow_brick_ray(r);
-          if (!bounded_.empty()) bricks.stretches = &stretches;
+          if (!bounded_.empty()) {
+            stretches.begin(r, ray.time);
+            bricks.stretches = &stretches;
+          }
           ray.bricks = &bricks;
         }
         PathSegment probe;
