@@ -12,7 +12,7 @@ namespace {
 // Options whose text needs more than a conversion are kept as text and read here, so that every
 // message is ours.
 struct Texts {
-  std::string memory, part_size, spp, max_depth, resolution, seed, max_error, max_time, crop,
+  std::string memory, part_size, spp, max_depth, light_paths, resolution, seed, max_error, max_time, crop,
       dialect, hosts, threads, min_hosts, replication, lost_after, wait, listen, advertise, manager,
       alpha, max_relmse, sample_paths, parent, tls, web, display, layers, sampling;
 };
@@ -66,6 +66,9 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--replication", t.replication, "hosts that hold each part at least");
   app.add_option("--spp", t.spp, "samples per pixel");
   app.add_option("--max-depth", t.max_depth, "maxdepth of the integrator");
+  app.add_option("--light-paths", t.light_paths,
+                 "paths from the lights too, for caustics (default: where the scene's integrator is bdpt, mlt, sppm or a photon map)")
+      ->check(CLI::IsMember({"on", "off"}));
   app.add_option("--resolution", t.resolution, "WxH pixels");
   app.add_option("--seed", t.seed, "another picture of the same scene");
   app.add_option("--max-error", t.max_error, "stop when the relMSE is this small, by the upper end of its estimate's interval");
@@ -104,6 +107,7 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   if (!t.spp.empty()) j.spp = at_least<std::uint32_t>("--spp", t.spp, 1);
   if (!t.max_depth.empty()) j.max_depth = at_least<std::uint32_t>("--max-depth", t.max_depth, 0);
   if (!t.seed.empty()) j.seed = at_least<std::uint32_t>("--seed", t.seed, 0);
+  if (!t.light_paths.empty()) j.light_paths = t.light_paths == "on";
   if (!integrator.empty()) j.integrator = integrator;
   if (!t.resolution.empty()) {
     const auto [width, height] = resolution_option(t.resolution);

@@ -85,13 +85,13 @@ std::uint64_t build_bytes(const Manifest& manifest, std::uint32_t part) {
   return bytes;
 }
 
-wire::ColumnSet columns_of(const Manifest& manifest, const SceneNeeds& needs) {
+wire::ColumnSet columns_of(const Manifest& manifest, const SceneNeeds& needs, bool light_paths) {
   wire::ColumnSet columns = 0;
   if (manifest.parts.size() > 2) columns |= wire::kColumnBestHit | wire::kColumnTested;
   // Where a ray started counts when it finds a light; walks inside of surfaces keep their medium there.
   if (needs.infinite_light || !manifest.shape_lights.empty() || needs.shading.subsurface)
     columns |= wire::kColumnPreviousNormal;
-  if (needs.shading.footprint || needs.media) columns |= wire::kColumnCone;
+  if (needs.shading.footprint || needs.media || light_paths) columns |= wire::kColumnCone;
   if (needs.inside_media) columns |= wire::kColumnMedium;
   return columns;
 }
@@ -127,7 +127,8 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   s.set_seed(settings.seed);
   s.set_k(settings.k);
   s.set_features(settings.features);
-  s.set_columns(columns_of(manifest, needs));
+  s.set_light_paths(settings.light_paths);
+  s.set_columns(columns_of(manifest, needs, settings.light_paths));
   if (overrides.integrator) s.set_integrator(*overrides.integrator);
   // Zero is a depth too, so it is an option and not the field in which zero means "from the scene".
   if (overrides.max_depth) (*s.mutable_options())[kMaxDepth] = std::to_string(*overrides.max_depth);
@@ -146,6 +147,7 @@ JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, W
   JobSettings settings = job_settings(manifest.scene, o, warnings);
   settings.k = start.k();
   settings.features = start.features();
+  settings.light_paths = start.light_paths();
   settings.length_k = feature_length_k(manifest.bounds);
   settings.footprint_spp = number_option(start, kFootprintSpp).value_or(0);
   settings.film.frame = {start.width(), start.height(), start.x0(),

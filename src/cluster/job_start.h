@@ -14,7 +14,7 @@ namespace cloudrenderer {
 std::uint64_t build_bytes(const Manifest& manifest, std::uint32_t part);
 
 // What of a segment's columns the job needs (wire/README.md).
-wire::ColumnSet columns_of(const Manifest& manifest, const SceneNeeds& needs);
+wire::ColumnSet columns_of(const Manifest& manifest, const SceneNeeds& needs, bool light_paths = false);
 
 // `folder`: of the split; told to the hosts when they share the file system with the manager.
 JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,

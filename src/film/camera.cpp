@@ -31,6 +31,22 @@ Vec3Of<F> transformed_point(const Mat4& m, const Vec3Of<F>& p) {
   return transformed(m, p) + Vec3Of<F>(Vec3(m[3]));
 }
 
+bool keeps_angles(const Transform& t) {
+  const Vec3 x = t.vector({1, 0, 0}), y = t.vector({0, 1, 0}), z = t.vector({0, 0, 1});
+  const float a = glm::dot(x, x), tolerance = 1e-3f * a;
+  return std::fabs(glm::dot(y, y) - a) < tolerance && std::fabs(glm::dot(z, z) - a) < tolerance &&
+         std::fabs(glm::dot(x, y)) < tolerance && std::fabs(glm::dot(x, z)) < tolerance && std::fabs(glm::dot(y, z)) < tolerance;
+}
+
+// Fills in origin, direction and distance of the ray from `origin` in the camera's space.
+bool look(const Transform& to_world, const Vec3& origin, const Vec3& p, CameraView& out) {
+  out.origin = to_world.point(origin);
+  const Vec3 way = p - out.origin;
+  out.distance = glm::length(way);
+  out.direction = way / out.distance;
+  return out.distance > 0.f && out.distance < kInfinity;
+}
+
 struct Lens {
   float radius = 0, focal_distance = 1e6f;
 };
@@ -42,7 +58,24 @@ class PerspectiveCamera final : public Camera {
         plane_(image_plane),
         lens_(lens),
         pixel_area_(std::fabs(image_plane.dx * image_plane.dy)),
-        eye_(camera_to_world.point(Vec3(0.f))) {}
+        eye_(camera_to_world.point(Vec3(0.f))) {
+    views_ = keeps_angles(camera_to_world);
+  }
+
+  bool view(const Vec3& p, const Vec2& lens, CameraView& out) const override {
+    const Vec2 l = lens_.radius > 0.f ? lens_.radius * sample_disk<float>(lens) : Vec2(0.f);
+    const Vec3 at = Vec3(to_world_.inverse_matrix() * glm::vec4(p, 1.f)) - Vec3(l, 0.f);
+    if (!(at.z > 0.f) || !look(to_world_, Vec3(l, 0.f), p, out)) return false;
+    const Vec2 d = Vec2(at) / at.z + l / lens_.focal_distance;
+    out.film = {(d.x - plane_.x) / plane_.dx, (d.y - plane_.y) / plane_.dy};
+    out.density = density(out.direction, out.distance);
+    return true;
+  }
+  float density(const Vec3& direction, float t) const override {
+    const Vec3 d = Vec3(to_world_.inverse_matrix() * glm::vec4(direction, 0.f));
+    const float c = d.z / glm::length(d);
+    return 1.f / (pixel_area_ * c * c * c * t * t);
+  }
 
   template <class F>
   CameraRayOf<F> make_ray(const Vec2Of<F>& film, const Vec2Of<F>& lens) const {
@@ -79,7 +112,17 @@ class OrthographicCamera final : public Camera {
       : to_world_(camera_to_world), screen_(screen), lens_(lens) {
     cone_width_ = std::sqrt(glm::length(
         glm::cross(to_world_.vector({screen.dx, 0, 0}), to_world_.vector({0, screen.dy, 0}))));
+    views_ = keeps_angles(camera_to_world) && lens.radius == 0.f;
   }
+
+  bool view(const Vec3& p, const Vec2&, CameraView& out) const override {
+    const Vec3 at = Vec3(to_world_.inverse_matrix() * glm::vec4(p, 1.f));
+    if (!(at.z > 0.f) || !look(to_world_, {at.x, at.y, 0.f}, p, out)) return false;
+    out.film = {(at.x - screen_.x) / screen_.dx, (at.y - screen_.y) / screen_.dy};
+    out.density = density(out.direction, out.distance);
+    return true;
+  }
+  float density(const Vec3&, float) const override { return 1.f / (cone_width_ * cone_width_); }
 
   template <class F>
   CameraRayOf<F> make_ray(const Vec2Of<F>& film, const Vec2Of<F>& lens) const {
@@ -219,6 +262,9 @@ CameraRay8 Camera::one_by_one(const Vec2x8& film, const Vec2x8& lens) const {
   }
   return out;
 }
+
+bool Camera::view(const Vec3&, const Vec2&, CameraView&) const { return false; }
+float Camera::density(const Vec3&, float) const { return 0.f; }
 
 void Camera::place(float time, CameraRay& ray) const {
   const Transform to_world = placed(Affine(), {&*motion_, 1}, time);

@@ -22,6 +22,14 @@ struct CameraRayOf {
 using CameraRay = CameraRayOf<float>;
 using CameraRay8 = CameraRayOf<Float8>;
 
+// How a camera sees a point, for paths from lights.
+struct CameraView {
+  Vec3 origin, direction;  // of the camera's ray through the point, unit
+  float distance = 0;      // to it
+  Vec2 film{};             // raster position
+  float density = 0;       // pixels of the film per area at the point across the ray
+};
+
 // perspective (with lens), orthographic, environment, realistic. Immutable; any thread. One that moves makes its rays as it stands
 // at the origin, and they are to be placed().
 class Camera {
@@ -36,6 +44,13 @@ class Camera {
   virtual CameraRay8 ray8(const Vec2x8& film, const Vec2x8& lens) const = 0;  // the same bits in each lane
   virtual bool uses_lens() const = 0;
 
+  // Whether view() and density() are there: for cameras that project, stand still and keep angles.
+  bool views_points() const { return views_ && !moves(); }
+  // False: p is not before the camera. `lens` as for ray(). What is outside of the film is seen too.
+  virtual bool view(const Vec3& p, const Vec2& lens, CameraView& out) const;
+  // CameraView::density on a ray of the camera, t along it.
+  virtual float density(const Vec3& direction, float t) const;
+
   bool moves() const { return motion_.has_value(); }
   // z of camera space: how far p lies behind the camera's plane at that time.
   float depth(const Vec3& p, float time) const;
@@ -45,6 +60,7 @@ class Camera {
  protected:
   // ray8() of cameras whose formulas are not made for lanes.
   CameraRay8 one_by_one(const Vec2x8& film, const Vec2x8& lens) const;
+  bool views_ = false;
 
  private:
   std::optional<AnimatedTransform> motion_;  // camera to world
@@ -72,6 +88,9 @@ class Filter {
   // Whether sample(u) is where the filter is below zero.
   virtual bool negative(const Vec2& u) const = 0;
   virtual FilterLobes lobes() const { return {}; }
+  // The filter itself, of an integral of 1: what sample() has the density of, times its whole integral without sign.
+  virtual float value(const Vec2& offset) const = 0;
+  virtual Vec2 width() const = 0;  // value() is 0 beyond
 };
 
 }  // namespace cloudrenderer

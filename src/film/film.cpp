@@ -23,6 +23,26 @@ void PixelSums::merge(const PixelSums& other) {
   }
 }
 
+void Splat::add(const Fixed3& v, std::uint32_t sample) {
+  for (std::size_t i = 0; i < 3; ++i) sum[sample & 1][i] += v[i];
+}
+
+void Splat::merge(const Splat& other) {
+  for (std::size_t h = 0; h < 2; ++h)
+    for (std::size_t i = 0; i < 3; ++i) sum[h][i] += other.sum[h][i];
+}
+
+void Film::add(const Splat& splat) {
+  const std::uint32_t width = frame_.crop_width();
+  if (splats_.empty()) {
+    splats_.resize(frame_.pixels());
+    for (std::size_t i = 0; i < splats_.size(); ++i)
+      splats_[i].pixel = static_cast<std::uint32_t>((frame_.y0 + i / width) * frame_.width + frame_.x0 + i % width);
+  }
+  const std::uint32_t x = splat.pixel % frame_.width - frame_.x0, y = splat.pixel / frame_.width - frame_.y0;
+  splats_[std::size_t{y} * width + x].merge(splat);
+}
+
 Rgb Film::colour(std::size_t pixel, float scale) const {
   Rgb c(0.f);
   if (samples(pixel) == 0) return c;

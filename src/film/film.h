@@ -55,6 +55,14 @@ struct PixelSums {
   void merge(const PixelSums& other);
 };
 
+// What paths from lights have brought to a pixel; half h holds those of samples s with (s & 1) == h.
+struct Splat {
+  std::uint32_t pixel = 0;  // y * full width + x
+  std::array<std::array<Int128, 3>, 2> sum{};
+  void add(const Fixed3& v, std::uint32_t sample);
+  void merge(const Splat& other);
+};
+
 // The pixels that are rendered: the film's resolution and crop window, [x0, x1) x [y0, y1).
 struct FilmFrame {
   std::uint32_t width = 0, height = 0;  // full resolution
@@ -88,6 +96,19 @@ class Film {
   const FilmFrame& frame() const { return frame_; }
   int k() const { return k_; }
   std::size_t sums_per_pixel() const { return lobes_.sums_per_pixel(); }
+  // Whether pixel y * full width + x lies in the crop window.
+  static bool holds(const FilmFrame& frame, std::uint32_t pixel) {
+    const std::uint32_t x = pixel % frame.width, y = pixel / frame.width;
+    return x >= frame.x0 && x < frame.x1 && y >= frame.y0 && y < frame.y1;
+  }
+  // Light of paths from lights; the pixel lies in the crop window.
+  void add(const Splat& splat);
+  // That so many samples, even and odd, have a path from a light too: their light is shared by all of the picture's samples.
+  void count_light_paths(const std::array<std::uint64_t, 2>& samples) {
+    for (std::size_t h = 0; h < 2; ++h) light_paths_[h] += samples[h];
+  }
+  // Of all pixels in their order, or empty where no light has come that way.
+  std::span<const Splat> splats() const { return splats_; }
   // Full-resolution coordinates inside the crop window. Of samples in negative lobes, where the filter has some.
   PixelSums& at(std::uint32_t x, std::uint32_t y, bool negative = false) {
     return sums_[(std::size_t{y - frame_.y0} * frame_.crop_width() + (x - frame_.x0)) * sums_per_pixel() + (negative ? 1 : 0)];
@@ -103,12 +124,16 @@ class Film {
   }
   // Times `unit`, radiance in one unit of fixed point. The pixel, or half, has samples.
   double mean(std::size_t pixel, std::size_t channel, double unit) const {
-    return mean_by(pixel, unit, [channel](const PixelSums& s) { return s.sum[0][channel] + s.sum[1][channel]; },
-                   [](const PixelSums& s) { return s.count[0] + s.count[1]; });
+    const double seen = mean_by(pixel, unit, [channel](const PixelSums& s) { return s.sum[0][channel] + s.sum[1][channel]; },
+                                [](const PixelSums& s) { return s.count[0] + s.count[1]; });
+    if (splats_.empty()) return seen;
+    const auto& sum = splats_[pixel].sum;
+    return seen + brought(sum[0][channel] + sum[1][channel], light_paths_[0] + light_paths_[1], unit);
   }
   double mean(std::size_t pixel, std::size_t channel, double unit, std::size_t half) const {
-    return mean_by(pixel, unit, [=](const PixelSums& s) { return s.sum[half][channel]; },
-                   [half](const PixelSums& s) { return s.count[half]; });
+    const double seen = mean_by(pixel, unit, [=](const PixelSums& s) { return s.sum[half][channel]; },
+                                [half](const PixelSums& s) { return s.count[half]; });
+    return splats_.empty() ? seen : seen + brought(splats_[pixel].sum[half][channel], light_paths_[half], unit);
   }
   Rgb colour(std::size_t pixel, float scale) const;  // as in image()
   Image image(float scale) const;  // mean * scale, rounded once; black where there are no samples
@@ -144,10 +169,18 @@ class Film {
     return count(below) == 0 ? one(above) : lobes_.above * one(above) - lobes_.below * one(below);
   }
 
+  // Each path from a light brings what it would to one pixel of a picture of its own.
+  double brought(const Int128& sum, std::uint64_t paths, double unit) const {
+    if (paths == 0) return 0;
+    return static_cast<double>(sum) * unit * (static_cast<double>(frame_.pixels()) / static_cast<double>(paths));
+  }
+
   FilmFrame frame_;
   int k_;
   FilterLobes lobes_;
   std::vector<PixelSums> sums_;
+  std::vector<Splat> splats_;
+  std::array<std::uint64_t, 2> light_paths_{};
 };
 
 // What an EXR carries beside R G B: a channel, row by row; 32 bit float, or 32 bit whole numbers.

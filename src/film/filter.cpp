@@ -14,6 +14,10 @@ constexpr double kMostAmplified = 1000;  // the integral of |f| over that of f
 class BoxFilter final : public Filter {
  public:
   explicit BoxFilter(const Vec2& width) : width_(width) {}
+  float value(const Vec2& o) const override {
+    return std::fabs(o.x) <= width_.x && std::fabs(o.y) <= width_.y ? 0.25f / (width_.x * width_.y) : 0.f;
+  }
+  Vec2 width() const override { return width_; }
   Vec2 sample(const Vec2& u) const override { return point(u); }
   Vec2x8 sample8(const Vec2x8& u) const override { return point(u); }
   bool negative(const Vec2&) const override { return false; }
@@ -29,6 +33,11 @@ class BoxFilter final : public Filter {
 class TriangleFilter final : public Filter {
  public:
   explicit TriangleFilter(const Vec2& width) : width_(width) {}
+  float value(const Vec2& o) const override {
+    const Vec2 left = glm::max(Vec2(0.f), 1.f - glm::abs(o) / width_);
+    return left.x * left.y / (width_.x * width_.y);
+  }
+  Vec2 width() const override { return width_; }
   Vec2 sample(const Vec2& u) const override { return point(u); }
   Vec2x8 sample8(const Vec2x8& u) const override { return point(u); }
   bool negative(const Vec2&) const override { return false; }
@@ -74,6 +83,15 @@ class TabulatedAxis {
     return (2.f * x - 1.f) * width_;
   }
   double share_below() const { return share_below_; }  // of samples
+  // The density of sample(), with the filter's sign.
+  float value(float x) const {
+    const float at = 0.5f * (x / width_ + 1.f) * kCells;
+    if (!(at >= 0.f && at < kCells)) return 0.f;
+    const auto cell = static_cast<std::size_t>(at);
+    const float density = distribution_.cell_probability(cell) * (0.5f * kCells) / width_;
+    return negative_[cell] ? -density : density;
+  }
+  float width() const { return width_; }
 
  private:
   float width_;
@@ -114,6 +132,10 @@ class TabulatedFilter final : public Filter {
     return x != y;
   }
   FilterLobes lobes() const override { return lobes_; }
+  float value(const Vec2& o) const override {
+    return x_.value(o.x) * y_.value(o.y) * static_cast<float>(lobes_.above + lobes_.below);
+  }
+  Vec2 width() const override { return {x_.width(), y_.width()}; }
 
  private:
   TabulatedAxis x_, y_;

@@ -41,6 +41,13 @@ struct ParkedPath {
   PathSegment segment;  // its radiance lacks the contributions still asked for
   bool ended = false;   // ends when answered; else becomes a new segment to trace
   std::uint16_t end_flags = 0;  // then: PathEndFlag
+  // As in PathEnd; with a target contributions that are asked for are the splat's.
+  std::uint32_t target = 0xffffffffu;
+  Fixed3 splat{};
+  Fixed3& waiting() { return target != 0xffffffffu ? splat : segment.radiance; }
+  PathEnd end() const {
+    return {segment.task, segment.pixel, segment.sample, segment.owner, end_flags, segment.radiance, target, splat};
+  }
 };
 
 struct RayCounts {
@@ -99,6 +106,8 @@ class PathEngine {
   // radiance is summed apart then, see FilterLobes.
   virtual bool in_negative_lobe(std::uint32_t, std::uint32_t) const { return false; }
   virtual bool has_negative_lobes() const { return false; }
+  // Whether a path from a light may bring something to this pixel of the full film.
+  virtual bool may_splat(std::uint32_t) const { return false; }
   // Film position of a segment's contribution, so that drivers can sum path ends: width of the full film.
   virtual std::uint32_t film_width() const = 0;
 };

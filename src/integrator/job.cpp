@@ -1,5 +1,6 @@
 #include "integrator/job.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -34,6 +35,28 @@ bool is_same_transport(const std::string& type) {
                                            "mlt",        "bdpt", "sppm",            "diffuseprt",
                                            "glossyprt",  "useprobes"};
   return types.contains(type);
+}
+
+// Of those, the ones that find light which comes by specular surfaces: what they are chosen for.
+bool is_for_caustics(const std::string& type) {
+  static const std::set<std::string> types{"metropolis", "photonmap", "exphotonmap", "mlt", "bdpt", "sppm"};
+  return types.contains(type);
+}
+
+bool may_be_specular(const SceneDescription& scene) {
+  static const std::set<std::string> never{"", "none", "matte", "plastic", "substrate", "translucent", "measured", "fourier", "hair"};
+  return std::ranges::any_of(scene.materials, [](const MaterialDesc& m) { return !never.contains(m.type); });
+}
+
+// Why there are no paths from lights; empty: there can be.
+std::string no_light_paths(const SceneDescription& scene, const JobSettings& job) {
+  const std::string& camera = scene.camera.type;
+  if (job.integrator != IntegratorKind::path) return "the integrator follows no paths";
+  if (job.media != MediaTransport::none) return "the scene has participating media";
+  if (scene.camera.motion) return "the camera moves";
+  if (camera == "environment" || camera == "realistic") return "the camera is \"" + camera + "\"";
+  if (camera == "orthographic" && scene.camera.params.real("lensradius", 0.f) > 0.f) return "the orthographic camera has a lens";
+  return "";
 }
 
 // `type` is the integrator as given.
@@ -96,8 +119,10 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     scene.volume_integrator->params.report_unused("VolumeIntegrator \"" + scene.volume_integrator->type + "\"", warnings);
   }
   if (type == "volpath" || type == "dipolesubsurface") type = "path";
+  job.light_paths = overrides.light_paths.value_or(is_for_caustics(type) && may_be_specular(scene));
   if (is_same_transport(type)) {
-    warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path");
+    warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path" +
+                                       (job.light_paths ? ", and with paths from lights for caustics" : ""));
     type = "path";
   }
   const int scene_depth = source->params.integer("maxdepth", 5);
@@ -126,6 +151,10 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   }
   if (!overrides.integrator && source == &scene.integrator)
     source->params.report_unused((v2 ? "SurfaceIntegrator \"" : "Integrator \"") + scene.integrator.type + "\"", warnings);
+  if (const std::string why = job.light_paths ? no_light_paths(scene, job) : ""; !why.empty()) {
+    warnings.add(source->location, why + ": no paths from lights, caustics are left to those from the camera");
+    job.light_paths = false;
+  }
   Warnings said_later;  // by who renders with it
   job.lobes = Filter::build(scene.filter, said_later, scene.dialect)->lobes();
   // One unit of the film is 2^-30 of a contribution of one; a film scale far from one moves that along.

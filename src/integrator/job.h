@@ -22,6 +22,7 @@ struct JobOverrides {
   std::optional<std::uint32_t> width, height;
   std::optional<std::array<float, 4>> crop;  // x0 x1 y0 y1 in [0, 1], as pbrt's cropwindow
   std::optional<std::string> integrator;     // pbrt's name
+  std::optional<bool> light_paths;
   std::uint32_t seed = 0;
 };
 
@@ -39,6 +40,8 @@ struct JobSettings {
   // counts up to vertex `emission_vertex`.
   std::uint32_t light_vertices = 6;
   std::uint32_t emission_vertex = 5;
+  // Every sample has a path from a light too, for light that reaches what is not specular by specular surfaces (caustics).
+  bool light_paths = false;
   float ao_distance = kInfinity;
   bool ao_cosine = false;
   int k = 30;  // fixed point: units of 2^-k

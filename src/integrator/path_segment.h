@@ -28,6 +28,8 @@ enum SegmentFlag : std::uint16_t {
   // In jobs with features: what PathFeatures said of this path already.
   kHitTold = 256,
   kSurfaceTold = 512,
+  // In jobs with light paths: the sample's path has ended at the camera's side and goes on from a light (light_paths.cpp).
+  kLightPath = 1024,
 };
 
 // One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
@@ -54,6 +56,12 @@ struct PathSegment {
   // way since the bounce.
   float cone_width = 0, cone_spread = 0;
 
+  // In jobs with light paths cone_spread is something else behind the first bounce that was not specular, and on paths from
+  // lights: how many times likelier a path from a light is to be this path than one from the camera, as far as it is known.
+  bool has_light_ratio() const { return (flags & (kAnyNonSpecular | kLightPath)) != 0; }
+  float& light_ratio() { return cone_spread; }
+  float light_ratio() const { return cone_spread; }
+
   // Where the path scattered last, for the densities of lights; null surfaces lie between.
   Vec3 scattered_at() const { return cone_width < 0.f ? origin + direction * cone_width : origin; }
 
@@ -76,6 +84,9 @@ struct PathEnd {
   std::uint16_t owner = 0;
   std::uint16_t flags = 0;  // PathEndFlag
   Fixed3 radiance{};
+  // What the sample's path from a light has brought to a pixel of the film (y * full width + x); none: nothing.
+  std::uint32_t target = 0xffffffffu;
+  Fixed3 splat{};
 };
 // The last two in jobs with features: no PathFeatures will say this of the path.
 enum PathEndFlag : std::uint16_t { kEndInvalid = 1, kEndClamped = 2, kEndWithoutHit = 4, kEndWithoutSurface = 8 };

@@ -92,6 +92,8 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings,
                           film_diagonal(manifest.scene.film));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
+  film_pixels_ = static_cast<float>(job.film.frame.pixels());
+  light_paths_ = job.light_paths && !lights_->empty() && !even_lobes_ && camera_->views_points();
   if (job.media != MediaTransport::none) build_media(manifest, main_part, warnings);
   if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);
   resident.load_part(PartId{0}, std::move(main_part));

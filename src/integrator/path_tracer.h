@@ -41,6 +41,7 @@ class PathTracer final : public PathEngine {
   bool has_motion() const override { return motion_; }
   bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const override;
   bool has_negative_lobes() const override { return job_.lobes.sums_per_pixel() > 1; }
+  bool may_splat(std::uint32_t pixel) const override { return light_paths_ && Film::holds(job_.film.frame, pixel); }
   std::uint32_t film_width() const override { return job_.film.frame.width; }
 
   const JobSettings& job() const { return job_; }
@@ -73,6 +74,8 @@ class PathTracer final : public PathEngine {
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
                     std::span<std::uint8_t> blocked) const;
   float time_of(std::uint32_t pixel, std::uint32_t sample) const;
+  // PathSegment::light_ratio() of a path from the camera that arrives at a vertex, t along its ray.
+  float light_ratio(const PathSegment& s, float t) const;
   TraceRay ray_of(const PathSegment& s) const;
   void resolve_shadows(const ResidentSet& set, const Shadows& shadows, ShadeOutput& out) const;
 
@@ -103,6 +106,8 @@ class PathTracer final : public PathEngine {
   bool grids_ = false;     // there are bricks to collide with
   std::vector<bool> bounded_;  // by medium: Manifest::bounded_media; empty where there is none
   bool one_channel_ = false;  // a path is of one channel: grids differ between them
+  bool light_paths_ = false;
+  float film_pixels_ = 0;  // that are rendered
   bool null_surfaces_ = false;  // shadow rays pass surfaces without material: these are all in the main scene
   std::unique_ptr<Camera> camera_;
   std::unique_ptr<Filter> filter_;

@@ -13,7 +13,6 @@ namespace cloudrenderer {
 
 namespace {
 
-constexpr std::uint16_t kMaxPassed = 1000;    // null surfaces in a row of one path: none is endless
 constexpr std::int32_t kRouletteFrom = 1;    // vertex after which paths are thinned
 
 // A path survives with this times its largest throughput, at most surely. Thinning paths that carry more costs more error
@@ -82,6 +81,7 @@ SurfacePoint PathTracer::surface(const ResidentSet& set, const Vec3& origin, con
 // The pixel's cone cut by the tangent plane: stretched along the ray by 1 / cos.
 Footprint PathTracer::Shader::footprint(const SurfacePoint& p, float t) const {
   const PathSegment& s = *path;
+  if (s.has_light_ratio()) return {};
   const float width = s.cone_width + s.cone_spread * t;
   if (!(width > 0.f)) return {};
   const Vec3 wo = -s.direction;
@@ -100,11 +100,12 @@ Footprint PathTracer::Shader::footprint(const SurfacePoint& p, float t) const {
 
 void PathTracer::Shader::end() {
   const PathSegment& s = *path;
+  if (tracer.light_paths_ && !(s.flags & kLightPath) && !(end_flags & kEndInvalid) && begin_light_path()) return;
   if (tracer.job_.features) {
     if (!(s.flags & kHitTold)) end_flags |= kEndWithoutHit;
     if (!(s.flags & kSurfaceTold)) end_flags |= kEndWithoutSurface;
   }
-  out.ended.push_back({s.task, s.pixel, s.sample, s.owner, end_flags, s.radiance});
+  out.ended.push_back({s.task, s.pixel, s.sample, s.owner, end_flags, s.radiance, target});
   const auto index = static_cast<std::uint32_t>(out.ended.size() - 1);
   for (std::size_t i = first_shadow; i < shadows.lights.size(); ++i) {
     shadows.lights[i].path = index;
@@ -143,7 +144,9 @@ template Vec3x8 PathTracer::Shader::escaped<Float8>(Mask8, const EscapeOf<Float8
 
 void PathTracer::Shader::escape() {
   const PathSegment& s = *path;
-  if (finds_infinite(s))
+  if (finds_infinite(s) && shares_with_lights(s))
+    add(s.throughput * tracer.lights_->escaped(s.direction, s.light_ratio() * kConnect));
+  else if (finds_infinite(s))
     add(escaped<float>(true, {s.direction, s.throughput, s.scattered_at(), s.previous_normal, s.previous_pdf},
                        !(s.flags & kSpecularBounce)));
   end();
@@ -219,6 +222,7 @@ void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatte
   v.origin = ray_start(v.p, v.offset, v.ng, sample.wi);
   v.direction = sample.wi;
   v.pdf = tracer.even_lobes_ ? bsdf.even_pdf(v.wo, sample.wi) : sample.pdf;
+  if (tracer.light_paths_) v.ratio = light_ratio_behind(bsdf, v, sample);
 }
 template void PathTracer::Shader::direct<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::thin_out<float>(ScatterOf<float>&) const;
@@ -260,12 +264,13 @@ void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, fl
   if (r.last >> lane & 1u) s.flags |= kLastRay;
   if (r.specular >> lane & 1u) {
     s.flags |= kSpecularBounce;
-    s.cone_width += s.cone_spread * t;
+    if (!s.has_light_ratio()) s.cone_width += s.cone_spread * t;
     s.previous_pdf = 0;
   } else {
     s.flags = static_cast<std::uint16_t>((s.flags & ~kSpecularBounce) | kAnyNonSpecular);
     // As in pbrt, textures seen by light that has scattered are not filtered.
-    s.cone_width = s.cone_spread = 0;
+    s.cone_width = 0;
+    s.light_ratio() = row[R::ratio];
   }
 }
 
@@ -285,7 +290,10 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     const Rgb radiance = tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive);
     if (!is_black(radiance)) {
       if (s.flags & kSpecularBounce) {
-        if (s.vertex <= job.emission_vertex) add(s.throughput * radiance);
+        if (s.vertex <= job.emission_vertex) {
+          const float density = shares_with_lights(s) ? tracer.lights_->emission_density(light, p.ng, hit.primitive) : 0.f;
+          add(s.throughput * radiance * camera_weight(s.light_ratio() * kConnect * density));
+        }
       } else {
         const float way = hit.t + std::max(0.f, -s.cone_width);
         const float pdf = tracer.lights_->emitted_pdf(light, s.scattered_at(), s.previous_normal, s.direction, way, p.p, p.ng, hit.primitive);
@@ -306,7 +314,10 @@ void PathTracer::Shader::vertex(const Hit& hit) {
       if (s.flags & kLastRay) return end();
     }
     if (++s.passed > kMaxPassed) return end();
-    s.cone_width += shadows_pass && !(s.flags & kSpecularBounce) ? -hit.t : s.cone_spread * hit.t;
+    if (shadows_pass && !(s.flags & kSpecularBounce))
+      s.cone_width -= hit.t;
+    else if (!s.has_light_ratio())
+      s.cone_width += s.cone_spread * hit.t;
     PathSegment& behind = next();
     behind.origin = ray_start(p.p, offset, p.ng, s.direction);
     behind.medium = medium_towards(s.direction);
@@ -329,6 +340,7 @@ void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, con
   bsdf.finish(wo);
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(s.vertex);
   ScatterOf<float> v = scatter_of(p, offset, wo, s, numbers);
+  v.ratio = tracer.light_ratio(s, t);
   scatter(bsdf, true, v);
   scattered(ScatterResults(v), 0, t);
 }
@@ -355,6 +367,14 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
     if (batch.segments[i].flags & kInside) {
       shader.begin(batch.segments[i]);
       shader.walk(batch.hits[i]);
+      continue;
+    }
+    if (batch.segments[i].flags & kLightPath) {
+      shader.begin(batch.segments[i]);
+      if (part == kNone)
+        shader.end();
+      else
+        shader.light_vertex(batch.hits[i]);
       continue;
     }
     if (!media_ && eight.take(i)) continue;

@@ -56,7 +56,8 @@ void PathTracer::EightShader::find_chunk(const Hit& hit) {
 
 bool PathTracer::EightShader::take_textured(std::uint32_t material, const SurfacePoint& p, const Vec3& offset, const PathSegment& s) {
   // Filtered textures are those of camera rays, which are neighbours and find their texels in the cache.
-  if (s.cone_width > 0.f || s.cone_spread > 0.f || !shader_.tracer.shading_->prefetch(material, p)) return false;
+  const bool filtered = !s.has_light_ratio() && (s.cone_width > 0.f || s.cone_spread > 0.f);
+  if (filtered || !shader_.tracer.shading_->prefetch(material, p)) return false;
   textured_.push_back({static_cast<std::size_t>(&s - batch_.segments.data()), material, shader_.end_flags, p, offset});
   if (textured_.size() == kTextured) scatter_textured();
   return true;
@@ -82,7 +83,7 @@ void PathTracer::EightShader::finish() {
 
 bool PathTracer::EightShader::take_escape(std::size_t i) {
   const PathSegment& s = batch_.segments[i];
-  if (!shader_.finds_infinite(s)) return false;
+  if (!shader_.finds_infinite(s) || shader_.shares_with_lights(s)) return false;
   const bool weighted = !(s.flags & kSpecularBounce);
   Escapes& e = escapes_[weighted];
   e.segments[e.count++] = i;
@@ -190,6 +191,7 @@ void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segme
     sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample);
     vertices[lane] = s.vertex;
     v.vertex[lane] = s.vertex;
+    if (tracer.light_paths_) lanes::put(v.ratio, lane, tracer.light_ratio(s, batch_.hits[segments[lane]].t));
   }
   // A segment's direction and throughput lie side by side.
   static_assert(offsetof(PathSegment, throughput) == offsetof(PathSegment, direction) + sizeof(Vec3));

@@ -81,6 +81,7 @@ struct PathTracer::Shader::Step {
 void PathTracer::Shader::enter(std::uint32_t material, const InteriorMedium& medium, SurfacePoint& p,
                                const Footprint& footprint, float t) {
   const PathSegment& s = *path;
+  if (s.has_light_ratio()) path->light_ratio() = 0;  // paths from lights end here
   const bool reversed = turn_normals(p, -s.direction);
   const Bsdf bsdf = tracer.shading_->bsdf(material, p, -s.direction, footprint);
   if (bsdf.empty()) return end();
@@ -236,6 +237,7 @@ void PathTracer::Shader::leave(const SubsurfacePoint& at, const SurfacePoint& p)
   bsdf.add(bsdf::diffuse_exit(at.eta));
   bsdf.finish(p.ng);
   scatter(bsdf, true, v);
+  v.ratio = 0;
   scattered(ScatterResults(v), 0, 0.f);
 }
 

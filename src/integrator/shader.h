@@ -13,6 +13,9 @@ namespace cloudrenderer {
 // What the four pairs of numbers of a vertex are for. The first one may be left out (PathTracer::first_pair_).
 enum VertexPair : std::size_t { kLightChoice = 0, kLightPoint = 1, kLobeAndRoulette = 2, kDirection = 3 };
 
+constexpr std::uint16_t kMaxPassed = 1000;  // null surfaces in a row of one path: none is endless
+constexpr float kConnect = 2.f / 3.f;  // chance that a path from a light ends where it may, and is seen by the camera
+
 // The power heuristic (Veach 1995). Of the ratio, since densities of tiny lights have squares beyond a float's range.
 template <class F>
 F power_weight(F a, F b) {
@@ -60,6 +63,7 @@ struct ScatterOf {
   MaskOf<F> specular{false};
   Vec3Of<F> side, origin{F(0)}, direction;
   F pdf;
+  F ratio{0.f};  // PathSegment::light_ratio, before and after
 };
 
 // Of the path `s` that arrives at p.
@@ -88,7 +92,7 @@ struct EscapeOf {
 // the order in which OcclusionRay and PathSegment keep it.
 struct ScatterResults {
   enum Column : std::size_t { light_origin = 0, light_direction = 3, light_distance = 6, light = 7, side = 10, origin = 13,
-                              direction = 16, throughput = 19, pdf = 22, columns = 24 };
+                              direction = 16, throughput = 19, pdf = 22, ratio = 23, columns = 24 };
   alignas(32) float rows[kLanes][columns];
   std::uint32_t asks, goes_on, invalid, last, specular;  // a bit a lane
 
@@ -101,7 +105,7 @@ struct ScatterResults {
         specular(lanes::to_bits(v.specular)) {
     if (asks) keep<F>(0, v.light_origin, v.light_direction, v.light_distance, v.light.x);
     if (asks | goes_on) keep<F>(8, v.light.y, v.light.z, v.side, v.origin);
-    if (goes_on) keep<F>(16, v.direction, v.throughput, v.pdf, F(0.f));
+    if (goes_on) keep<F>(16, v.direction, v.throughput, v.pdf, v.ratio);
   }
   Vec3 get(Column c, std::size_t lane) const { return {rows[lane][c], rows[lane][c + 1], rows[lane][c + 2]}; }
 
@@ -143,6 +147,7 @@ struct PathTracer::Shader {
   // The path under work, in its batch.
   PathSegment* path = nullptr;
   std::uint16_t end_flags = 0;
+  std::uint32_t target = kNone;  // of a path from a light: PathEnd::target
   std::size_t first_shadow = 0;
   // Its surface, where that lies between media.
   Interface interface{};
@@ -151,6 +156,7 @@ struct PathTracer::Shader {
   void begin(PathSegment& segment) {
     path = &segment;
     end_flags = 0;
+    target = kNone;
     interface = {};
     first_shadow = shadows.lights.size();
     if (segment.flags & kCameraRay) ++out.counts.camera;
@@ -159,6 +165,7 @@ struct PathTracer::Shader {
   void resume(PathSegment& segment, std::uint16_t flags) {
     path = &segment;
     end_flags = flags;
+    target = kNone;
     first_shadow = shadows.lights.size();
   }
   bool to_fixed(Rgb c, Fixed3& fixed) {
@@ -235,11 +242,24 @@ struct PathTracer::Shader {
     return tracer.lights_->has_infinite() && tracer.job_.integrator != IntegratorKind::ambient_occlusion &&
            (!(s.flags & kSpecularBounce) || s.vertex <= tracer.job_.emission_vertex);
   }
+  // Whether light that the path finds comes by paths from lights as well.
+  bool shares_with_lights(const PathSegment& s) const {
+    constexpr std::uint16_t kBoth = kSpecularBounce | kAnyNonSpecular;
+    return tracer.light_paths_ && (s.flags & kBoth) == kBoth;
+  }
   // The light of the infinite lights that escaped paths find, weighted against samples of these lights where the paths have
   // scattered; without `weighted` only direction and throughput are read.
   template <class F>
   Vec3Of<F> escaped(MaskOf<F> active, const EscapeOf<F>& e, bool weighted) const;
+  // Ends the path under work, or of a sample that has not had one begins its path from a light.
   void end();
+  bool begin_light_path();  // light_paths.cpp; false: no light wants it
+  void light_vertex(const Hit& hit);
+  void connect(Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const SampleSequence::Pairs& numbers);
+  float choose_pixel(const Vec2& film, float u, std::uint32_t& pixel) const;
+  // Where a path goes on from a vertex: v.ratio is what it brings there.
+  template <class F>
+  F light_ratio_behind(const BsdfOf<F>& bsdf, const ScatterOf<F>& v, const BsdfSampleOf<F>& sample) const;
   // Sends the path on; the caller says where, in what is returned.
   PathSegment& next();
   void occlusion(const SurfacePoint& p, const Vec3& offset, const SampleSequence& sequence);

@@ -20,7 +20,9 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
   bool complete = true;
   for (std::uint32_t part = 1; complete && part < map_.part_count(); ++part) complete = set.has(part);
   const auto radiance_of = [&](const Shadows::Light& w) -> Fixed3& {
-    return w.path_ended ? out.ended[w.path].radiance : out.continuing[w.path].radiance;
+    if (!w.path_ended) return out.continuing[w.path].radiance;
+    PathEnd& e = out.ended[w.path];
+    return e.target != kNone ? e.splat : e.radiance;
   };
   constexpr std::size_t kAhead = 16;  // paths to be fetched into the cache ahead of use
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -59,6 +61,7 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
       parked.segment.radiance = e.radiance;
       parked.ended = true;
       parked.end_flags = e.flags;
+      parked.target = e.target;
       gone_ended[w.path] = 1;
     } else {
       parked.segment = out.continuing[w.path];

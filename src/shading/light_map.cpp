@@ -133,4 +133,11 @@ float DirectionalMap::cos_widest() const {
   return 1.f / std::sqrt(1.f + tangent_ * tangent_ * glm::dot(screen_, screen_));
 }
 
+Rgb mean(const LightMap& map) {
+  if (map.empty()) return Rgb(1.f);
+  glm::dvec3 sum(0);
+  for (const Rgb& texel : map.texels) sum += glm::dvec3(texel);
+  return Rgb(sum / static_cast<double>(map.texels.size()));
+}
+
 }  // namespace cloudrenderer

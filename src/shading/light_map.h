@@ -22,6 +22,8 @@ struct LightMap {
 LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
                         const FileLocation& where, const char* instead, Warnings& warnings);
 
+Rgb mean(const LightMap& map);  // 1 of an empty one
+
 // Bilinear and repeating, as pbrt's level 0; the first row is at v = 0. uv in [0, 1].
 inline Rgb bilinear(std::span<const Rgb> texels, int width, int height, const Vec2& uv) {
   const float s = uv.x * static_cast<float>(width) - 0.5f,

@@ -9,6 +9,7 @@
 #include "parts/part_triangle.h"
 #include "shading/light_infinite.h"
 #include "shading/light_map.h"
+#include "shading/light_rays.h"
 #include "shading/light_record.h"
 
 namespace cloudrenderer {
@@ -23,22 +24,15 @@ struct Emission {
   bool invisible = false;  // pbrt-v4: its alpha is 0 everywhere
 };
 
-// What a light with a picture gives on average.
-Rgb mean_of(const LightMap& map) {
-  if (map.empty()) return Rgb(1.f);
-  glm::dvec3 sum(0);
-  for (const Rgb& texel : map.texels) sum += glm::dvec3(texel);
-  return Rgb(sum / static_cast<double>(map.texels.size()));
-}
-
 class SceneLights final : public Lights {
  public:
   SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
-              const Part& part, Warnings& warnings, bool read_maps) {
+              const Part& part, const Bounds3& bounds, Warnings& warnings, bool read_maps) {
     for (const LightDesc& desc : scene.lights) add_light(desc, warnings, read_maps);
     add_emissions(scene, shape_lights, warnings, read_maps);
     add_shapes(part, scene.dialect);
     choice_ = LightChoice(bounds_);
+    rays_ = LightRays({emitters_, spots_, maps_, quadrics_, infinite_}, bounds);
     bounds_ = {};
   }
 
@@ -52,7 +46,7 @@ class SceneLights final : public Lights {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
                       quadrics_.size() * sizeof(EmissiveQuadric) +
                       by_primitive_.size() * sizeof(std::uint32_t) +
-                      emissions_.size() * sizeof(Emission) + powers_.size() * sizeof(float);
+                      emissions_.size() * sizeof(Emission) + powers_.size() * sizeof(float) + rays_.bytes();
     for (const InfiniteLight& light : infinite_) n += light.bytes();
     for (const DirectionalMap& map : maps_) n += map.bytes();
     return n;
@@ -114,11 +108,7 @@ class SceneLights final : public Lights {
   float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction,
                     float t, const Vec3&, const Vec3& hit_ng,
                     std::uint32_t primitive) const override {
-    const PrimitiveRange& range = ranges_[light];
-    if (range.count == 0) return 0.f;
-    // Quadrics have one entry, whatever their primitive number is.
-    const std::uint32_t i = range.count == 1 ? 0 : primitive;
-    const std::uint32_t number = i < range.count ? by_primitive_[range.first + i] : kNone;
+    const std::uint32_t number = emitter_of(light, primitive);
     if (number == kNone) return 0.f;
     const Emitter& e = emitters_[number];
     float pdf = 0;
@@ -144,10 +134,30 @@ class SceneLights final : public Lights {
     return pdf < kInfinity ? pdf : 0.f;
   }
 
+  bool emit(float u_light, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const override {
+    return rays_.emit(u_light, u_point, u_direction, out);
+  }
+  float emission_density(std::uint32_t light, const Vec3& ng, std::uint32_t primitive) const override {
+    const std::uint32_t number = emitter_of(light, primitive);
+    return number == kNone ? 0.f : rays_.density(number, ng);
+  }
+  Rgb escaped(const Vec3& direction, float light_ratio) const override {
+    Rgb sum(0.f);
+    for (std::uint32_t i = 0; i < infinite_.size(); ++i) sum += rays_.escaped(i, infinite_emitters_[i], direction, light_ratio);
+    return sum;
+  }
+
  private:
   struct PrimitiveRange {
     std::uint32_t first = 0, count = 0;  // in by_primitive_
   };
+
+  // Of a primitive of the emissive shape `light`; kNone: it cannot be sampled.
+  std::uint32_t emitter_of(std::uint32_t light, std::uint32_t primitive) const {
+    const PrimitiveRange& range = ranges_[light];
+    const std::uint32_t i = range.count == 1 ? 0 : primitive;  // quadrics have one entry, whatever their primitive number is
+    return i < range.count ? by_primitive_[range.first + i] : kNone;
+  }
 
   // A disk of pbrt-v2 samples one side and shows light on the other (make_disk). The two estimates do not add up to
   // the whole light, so the picture depends on their weights, and these are pbrt-v2's: the light's own density,
@@ -326,7 +336,7 @@ class SceneLights final : public Lights {
       if (desc.type == "diffuse" || desc.type == "area") {
         e.radiance = light_color(desc.params, "L", desc.location, warnings);
         if (const std::string path = desc.params.string("filename", ""); !path.empty())
-          e.radiance *= mean_of(read_light_map(path, Rgb(1.f), read_maps, desc.location,
+          e.radiance *= mean(read_light_map(path, Rgb(1.f), read_maps, desc.location,
                                                "the light is even", warnings));
         e.power = std::max(0.f, desc.params.real("power", 0.f));
         e.patches = desc.params.boolean("patches", false);
@@ -462,6 +472,7 @@ class SceneLights final : public Lights {
   std::vector<Emitter> emitters_;
   std::vector<EmitterBounds> bounds_;  // only while building
   LightChoice choice_;
+  LightRays rays_;
   std::vector<SpotCone> spots_;
   std::vector<DirectionalMap> maps_;
   std::vector<EmissiveQuadric> quadrics_;
@@ -478,12 +489,12 @@ class SceneLights final : public Lights {
 
 std::unique_ptr<Lights> Lights::build(const SceneDescription& scene,
                                       std::span<const AreaLightId> shape_lights,
-                                      const Part& main_part, const Bounds3&, Warnings& warnings) {
-  return std::make_unique<SceneLights>(scene, shape_lights, main_part, warnings, true);
+                                      const Part& main_part, const Bounds3& bounds, Warnings& warnings) {
+  return std::make_unique<SceneLights>(scene, shape_lights, main_part, bounds, warnings, true);
 }
 
 bool Lights::check(const SceneDescription& scene, Warnings& warnings) {
-  return SceneLights(scene, {}, Part{}, warnings, false).has_infinite();
+  return SceneLights(scene, {}, Part{}, {}, warnings, false).has_infinite();
 }
 
 }  // namespace cloudrenderer

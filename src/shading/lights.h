@@ -25,6 +25,18 @@ struct LightSampleOf {
 using LightSample = LightSampleOf<float>;
 using LightSample8 = LightSampleOf<Float8>;
 
+// A ray that leaves a light.
+struct LightRay {
+  Vec3 origin, direction;  // unit
+  Rgb weight{0};  // the light's power on it, over the density of the choice
+  // Of the light, times that of the point by area, times that of the direction by solid angle over the cosine; from outside:
+  // of the direction, and of the point by area across it. Infinite: no ray finds the light.
+  float density = 0;
+};
+// The weight of a path from the camera that a path from a light is `ratio` times as likely to be; one minus it is that of
+// the path from a light (the power heuristic, Veach 1995). Of no number: 1.
+inline float camera_weight(float ratio) { return ratio > 0.f ? 1.f / (1.f + ratio * ratio) : 1.f; }
+
 // All lights of a scene, and how one is chosen at a point. Built from the description and the main
 // scene's emissive shapes; immutable, any thread. Lights are numbered: infinite and delta lights,
 // then emissive shapes.
@@ -78,6 +90,13 @@ class Lights {
   virtual float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n,
                             const Vec3& direction, float t, const Vec3& hit_point,
                             const Vec3& hit_ng, std::uint32_t primitive) const = 0;
+
+  // A ray out of a light of the scene. False: none, by these numbers.
+  virtual bool emit(float u_light, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const = 0;
+  // LightRay::density of what emit() has at a point of the emissive shape `light` with the normal ng; 0: nothing.
+  virtual float emission_density(std::uint32_t light, const Vec3& ng, std::uint32_t primitive) const = 0;
+  // As escaped(direction), with camera_weight(light_ratio * LightRay::density) for each light.
+  virtual Rgb escaped(const Vec3& direction, float light_ratio) const = 0;
 };
 
 }  // namespace cloudrenderer

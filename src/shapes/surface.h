@@ -28,8 +28,9 @@ inline float next_float_down(float x) { return -next_float_up(-x); }
 template <class F>
 Vec3Of<F> ray_offset(const Vec3Of<F>& p, const Vec3Of<F>& p_error, const Vec3Of<F>& ng) {
   const Vec3Of<F> size = lanes::abs(p);
-  // A plane through a zero coordinate has no rounding error; but Embree accepts hits at a distance of 0.
-  const F least = 0x1p-60f * (size.x + size.y + size.z) + 1e-30f;
+  // A plane through a zero coordinate has no rounding error; but Embree accepts hits at a distance of 0, and a turn by 180
+  // degrees leaves 1e-16 where the zero would be.
+  const F least = 0x1p-40f * (size.x + size.y + size.z) + 1e-30f;
   return (glm::dot(lanes::abs(ng), p_error + F(0x1p-23f) * size) + least) * ng;
 }
 // Where a ray along `direction` starts: on that side of ng. `offset` as above.

@@ -17,7 +17,8 @@ constexpr std::uint32_t kVersion = 3, kTileMark = 0x656c6974, kGoalMark = 0x6c61
 constexpr std::size_t kRecordHeaderBytes = 16, kBodyHeaderBytes = 40;
 constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
-constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2;
+constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4;
+constexpr std::size_t kSplatBytes = 4 + 6 * 16;
 constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they are");
@@ -102,6 +103,7 @@ CheckpointJob checkpoint_job(std::uint64_t split, const JobSettings& s) {
   job.footprint_spp = s.spp;
   job.features = s.features;
   job.negative_lobes = s.lobes.sums_per_pixel() > 1;
+  job.light_paths = s.light_paths;
   return job;
 }
 
@@ -138,6 +140,9 @@ std::optional<std::string> difference(const CheckpointJob& made, const Checkpoin
   if (made.features != now.features)
     return std::string(made.features ? "layers of what paths see" : "no layers of what paths see") + ", this render has " +
            (now.features ? "some" : "none") + " (--layers)";
+  if (made.light_paths != now.light_paths)
+    return std::string(made.light_paths ? "paths from lights" : "no paths from lights") + ", this render has " +
+           (now.light_paths ? "some" : "none") + " (--light-paths)";
   if (made.negative_lobes != now.negative_lobes) return "samples of the filter's negative lobes summed in another way";
   if (made.split != now.split)
     return differs("split", fmt::format("{:016x}", made.split), fmt::format("{:016x}", now.split)) +
@@ -162,7 +167,7 @@ Bytes encode_header(const CheckpointJob& job) {
   put(out, static_cast<std::uint32_t>(job.ao_cosine));
   put(out, job.ao_distance);
   put(out, job.footprint_spp);
-  put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u));
+  put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u) | (job.light_paths ? kJobLightPaths : 0u));
   put(out, hash(out));
   static_assert(kCheckpointHeaderBytes == 8 + 2 * 4 + 3 * 8 + 6 * 4 + 10 * 4 + 8);
   return out;
@@ -203,8 +208,9 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   const auto flags = in.take<std::uint32_t>();
   job.features = (flags & kJobFeatures) != 0;
   job.negative_lobes = (flags & kJobNegativeLobes) != 0;
+  job.light_paths = (flags & kJobLightPaths) != 0;
   if (f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 || f.y0 >= f.y1 ||
-      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || flags > (kJobFeatures | kJobNegativeLobes) ||
+      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || flags > (kJobFeatures | kJobNegativeLobes | kJobLightPaths) ||
       integrator > static_cast<std::uint32_t>(IntegratorKind::ambient_occlusion))
     return fail("its header makes no sense");
   job.integrator = static_cast<IntegratorKind>(integrator);
@@ -225,7 +231,8 @@ void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& o
                                   [&](const PixelSums& p) { return p.count != expected; });
   const unsigned width = sum_width(tile);
   const std::size_t body = kBodyHeaderBytes + 8 * tile.samples.size() +
-                           tile.sums.size() * (6 * width + (counts ? 8 : 0)) + tile.features.size() * kFeatureBytes;
+                           tile.sums.size() * (6 * width + (counts ? 8 : 0)) + tile.features.size() * kFeatureBytes +
+                           (tile.light_paths ? 4 + tile.splats.size() * kSplatBytes : 0);
   put(out, kTileMark);
   put(out, static_cast<std::uint32_t>(body));
   const std::size_t checksum_at = out.size();
@@ -262,6 +269,15 @@ void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& o
     at += 4 + 4 * kFeatureIds;
     std::memcpy(out.data() + at, p.sum.data(), kFeatureSumBytes * kFeatureNumbers);
     at += kFeatureSumBytes * kFeatureNumbers;
+  }
+  const auto append = [&](const auto& value) {
+    std::memcpy(out.data() + at, &value, sizeof value);
+    at += sizeof value;
+  };
+  if (tile.light_paths) append(static_cast<std::uint32_t>(tile.splats.size()));
+  for (const Splat& s : tile.splats) {
+    append(s.pixel);
+    append(s.sum);
   }
   const std::uint64_t checksum =
       hash(std::span(out).subspan(body_at), header_checksum + std::uint64_t{body});
@@ -321,9 +337,15 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
     return std::nullopt;
   const std::uint64_t pixels = std::uint64_t{t.x1 - t.x0} * (t.y1 - t.y0), sums = pixels * (job_.negative_lobes ? 2 : 1);
   const bool counts = (flags & kCounts) != 0;
-  if (body.size() !=
-      kBodyHeaderBytes + std::uint64_t{8} * ranges + sums * (6 * width + (counts ? 8 : 0)) + pixels * (job_.features ? kFeatureBytes : 0))
-    return std::nullopt;
+  t.light_paths = job_.light_paths;
+  const std::uint64_t before_splats =
+      kBodyHeaderBytes + std::uint64_t{8} * ranges + sums * (6 * width + (counts ? 8 : 0)) + pixels * (job_.features ? kFeatureBytes : 0);
+  std::uint32_t splats = 0;
+  if (t.light_paths) {
+    if (body.size() < before_splats + 4) return std::nullopt;
+    std::memcpy(&splats, body.data() + before_splats, 4);
+  }
+  if (body.size() != before_splats + (t.light_paths ? 4 + std::uint64_t{splats} * kSplatBytes : 0)) return std::nullopt;
   SampleSet set;
   for (std::uint32_t i = 0; i < ranges; ++i) {
     const auto begin = in.take<std::uint32_t>();
@@ -340,14 +362,20 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
     for (auto& half : p.sum)
       for (Int128& v : half) v = in.take_sum(width);
   }
-  if (!job_.features) return t;
-  t.features.resize(pixels);
+  if (job_.features) t.features.resize(pixels);
   for (PixelFeatures& p : t.features) {
     p.samples = expected[0] + expected[1];
     p.hits = in.take<std::uint32_t>();
     if (p.hits > p.samples) return std::nullopt;
     for (std::uint32_t& id : p.ids) id = in.take<std::uint32_t>();
     for (Int128& sum : p.sum) sum = in.take_sum(kFeatureSumBytes);
+  }
+  if (t.light_paths) (void)in.take<std::uint32_t>();
+  for (std::uint32_t i = 0; i < splats; ++i) {
+    Splat& s = t.splats.emplace_back();
+    s.pixel = in.take<std::uint32_t>();
+    for (auto& half : s.sum)
+      for (Int128& v : half) v = in.take_sum(16);
   }
   return t;
 }

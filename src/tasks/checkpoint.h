@@ -5,7 +5,7 @@
 // All numbers are little-endian. The header:
 //   8 bytes "crckpt\r\n", u32 version, u32 bytes of the header, u64 split, u64 fingerprint,
 //   u64 seed, u32 width, height, x0, y0, x1, y1, i32 k, u32 tile, u32 integrator, light_vertices,
-//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes),
+//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes; 4: light paths),
 //   u64 XXH3-64 of all that is before it
 // A record:
 //   u32 "tile", u32 bytes of its body, u64 XXH3-64 of the body, seeded with the header's checksum
@@ -17,7 +17,8 @@
 //   for every pixel: with flag 2 the samples counted (u32 even, odd), and six sums in two's
 //   complement (even R G B, odd R G B), where the filter has negative lobes all this for samples in positive ones and
 //   then for those in negative ones. Without flag 2 every sample of the ranges is counted. With features, for every pixel:
-//   u32 hits, u32 ids (shape, primitive, material), and ten sums of 16 bytes (film/features.h).
+//   u32 hits, u32 ids (shape, primitive, material), and ten sums of 16 bytes (film/features.h). With light paths: u32 number
+//   of splats, for each u32 pixel (y * full width + x) and six sums of 16 bytes, in the order of a pixel's.
 // A record of a decision (adaptive sampling), before the samples that it asks for:
 //   u32 "goal", u32 bytes, u64 checksum as above, then for every tile of the film, row by row, u32: samples
 //   that each of its pixels has when the round is complete
@@ -53,6 +54,7 @@ struct CheckpointJob {
   std::uint32_t footprint_spp = 0;  // that textures are filtered for: of the first run
   bool features = false;
   bool negative_lobes = false;  // of the filter: samples in them are summed apart
+  bool light_paths = false;
   friend bool operator==(const CheckpointJob&, const CheckpointJob&) = default;
 };
 // Tile and fingerprint are the cluster's, and left out.
@@ -70,6 +72,10 @@ struct TileSums {
   bool exact = true;            // no host with other arithmetic took part
   std::vector<PixelSums> sums;  // as Film::sums()
   std::vector<PixelFeatures> features{};  // row by row, in jobs with features
+  // In jobs with light paths: light brought to pixels, here or elsewhere. What a tile's first record has of it need not be
+  // of the tile's own samples, but all records together have that of all samples.
+  bool light_paths = false;
+  std::vector<Splat> splats{};
 };
 
 using Bytes = std::vector<std::byte>;

@@ -246,8 +246,7 @@ void resume(const ParkedPath& p, WorkResult& r, EndsByOwner& ends) {
     r.next.push_back(p.segment);
     return;
   }
-  ends.add(PathEnd{p.segment.task, p.segment.pixel, p.segment.sample, p.segment.owner, p.end_flags,
-                   p.segment.radiance});
+  ends.add(p.end());
 }
 
 constexpr std::span<const float> kNoTimes;
@@ -408,7 +407,8 @@ WorkResult run(const PathEngine& engine, Work& work, ResolveWork& w) {
             sorter.add((*asks.rays)[k], asks.times ? (*asks.times)[k] : 0.f, path, asks.contributions[k], parts);
             continue;
           }
-          for (std::size_t c = 0; c < 3; ++c) path.segment.radiance[c] += asks.contributions[k][c];
+          Fixed3& waiting = path.waiting();
+          for (std::size_t c = 0; c < 3; ++c) waiting[c] += asks.contributions[k][c];
         }
         resume(path, r, ends);
       }
@@ -438,7 +438,8 @@ WorkResult run(const PathEngine& engine, Work& work, CollectWork& w) {
   };
   for (const EndBatch& block : w.ends) {
     for (const PathEnd& e : block.ends) {
-      if (!find(e.task)) {
+      const bool splats = e.target != PartId::kNone;
+      if (!find(e.task) || (splats && !engine.may_splat(e.target))) {
         ++r.unknown;
         continue;
       }

@@ -1,9 +1,12 @@
+#include <algorithm>
+
 #include "tasks/work.h"
 
 namespace cloudrenderer {
 
 namespace {
 constexpr std::uint8_t kEnded = 4, kAll = kTellsHit | kTellsSurface | kEnded;
+constexpr std::uint32_t kNoTarget = PathEnd().target;
 }
 
 RendererLedger::RendererLedger(const RendererRange& range, std::uint32_t film_width, bool features, bool negative_lobes)
@@ -55,6 +58,7 @@ RendererLedger::Outcome RendererLedger::record(const PathEnd& e, bool negative_l
     ++invalid_;  // the sample is dropped: it has arrived, but its pixel does not count it
   } else {
     sums_[at->pixel * sums_per_pixel_ + (negative_lobe ? 1 : 0)].add(e.radiance, e.sample);
+    if (e.target != kNoTarget && e.splat != Fixed3{}) splats_[e.target].add(e.splat, e.sample);
   }
   return Outcome::counted;
 }
@@ -93,7 +97,14 @@ std::vector<RendererLedger::Run> RendererLedger::missing() const {
 }
 
 wire::RendererReply RendererLedger::reply() && {
-  return {range_.task, std::move(sums_), invalid_, clamped_, std::move(features_), sums_per_pixel_ > 1};
+  std::vector<Splat> splats;
+  splats.reserve(splats_.size());
+  for (auto& [pixel, splat] : splats_) {
+    splat.pixel = pixel;
+    splats.push_back(splat);
+  }
+  std::ranges::sort(splats, {}, &Splat::pixel);
+  return {range_.task, std::move(sums_), invalid_, clamped_, std::move(features_), sums_per_pixel_ > 1, std::move(splats)};
 }
 
 }  // namespace cloudrenderer

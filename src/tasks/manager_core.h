@@ -313,7 +313,10 @@ class ManagerCore {
   std::uint32_t give(HostId id, Host& h, RendererRange range, double now);
   void take_back(std::map<std::uint32_t, Outstanding>::iterator o);
   void merge(const Outstanding& o, wire::RendererReply& r);
-  void merge(const RendererRange& range, std::span<const PixelSums> sums, std::span<const PixelFeatures> features);
+  void merge(const RendererRange& range, std::span<const PixelSums> sums, std::span<const PixelFeatures> features,
+             std::span<const Splat> splats);
+  bool fits(const wire::RendererReply& r, const RendererRange& range) const;
+  bool fits(std::span<const Splat> splats) const;
   void set_tile(std::uint32_t tile);
   void begin_held_rounds();
   void lengthen_rounds();

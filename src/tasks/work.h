@@ -71,6 +71,7 @@ class RendererLedger {
   std::vector<PixelSums> sums_;
   std::vector<std::uint8_t> arrived_;  // by sample, in jobs with features: kTellsHit, kTellsSurface, kEnded
   std::vector<PixelFeatures> features_;
+  std::unordered_map<std::uint32_t, Splat> splats_;  // by pixel
   std::uint64_t invalid_ = 0, clamped_ = 0;
 };
 using Ledgers = std::unordered_map<std::uint32_t, RendererLedger>;  // by renderer task number

@@ -28,18 +28,6 @@ static_assert(sizeof(OcclusionRay) == 28);
 // Renderer tasks beyond this are refused: their bookkeeping would be absurdly large.
 constexpr std::uint64_t kMaxTaskPixels = 1u << 16, kMaxTaskPaths = 1u << 26;
 
-// Bytes that hold v in two's complement.
-std::uint32_t width_of(std::int64_t v) {
-  const auto magnitude = static_cast<std::uint64_t>(v < 0 ? ~v : v);
-  return static_cast<std::uint32_t>((64 - std::countl_zero(magnitude)) / 8 + 1);
-}
-std::uint32_t width_of(const Int128& v) {
-  const auto high = static_cast<std::int64_t>(v >> 64);
-  const auto low = static_cast<std::int64_t>(static_cast<std::uint64_t>(v));
-  if (high == (low < 0 ? -1 : 0)) return width_of(low);
-  return 8 + width_of(high);
-}
-
 // The bits of all values in one word: its width is the width of the widest.
 struct WidthScan {
   std::uint64_t bits = 0;
@@ -231,6 +219,7 @@ ReplyControl control_of(const Reply& m) {
     }
     c.set_invalid(renderer.invalid);
     c.set_clamped(renderer.clamped);
+    set_control(renderer.splats, c);
   }
   return c;
 }
@@ -248,6 +237,7 @@ EndsControl control_of(const PathEnds& m) {
     c.set_features(static_cast<std::uint32_t>(m.batch.features.size()));
     c.set_feature_bytes(values.bytes());
   }
+  set_control(m.batch.ends, c);
   return c;
 }
 
@@ -269,11 +259,11 @@ std::size_t bulk_bytes(const Reply&, const ReplyControl& c) {
     case INTERSECTION:
       return 8 * words(c.count()) + (c.nearest() ? hit_bytes(c) * c.hits() : 0);
     default:
-      return c.count() * sums_bytes(c);
+      return c.count() * sums_bytes(c) + splats_bytes(c);
   }
 }
 std::size_t bulk_bytes(const PathEnds&, const EndsControl& c) {
-  return c.count() * end_bytes(c.radiance_bytes()) + c.features() * features_bytes(c.feature_bytes());
+  return c.count() * end_bytes(c.radiance_bytes()) + c.features() * features_bytes(c.feature_bytes()) + splats_bytes(c);
 }
 
 void write_bulk(const SubmitTask& m, const SubmitControl& c, std::span<std::byte> out) {
@@ -345,6 +335,7 @@ void write_bulk(const Reply& m, const ReplyControl& c, std::span<std::byte> out)
     }
     for (const PixelFeatures& p : renderer->features)
       for (const Int128& v : p.sum) w.put_low(&v, c.feature_bytes());
+    write_splats(renderer->splats, c, w);
   }
 }
 
@@ -364,6 +355,7 @@ void write_bulk(const PathEnds& m, const EndsControl& c, std::span<std::byte> ou
   for (const PathFeatures& f : m.batch.features) w.put(f.ids);
   for (const PathFeatures& f : m.batch.features)
     for (const std::int64_t& v : f.values) w.put_low(&v, c.feature_bytes());
+  write_splats(m.batch.ends, c, w);
 }
 
 Result<Message> read_submit(const SubmitControl& c, std::span<const std::byte> bulk) {
@@ -430,7 +422,8 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
     m.payload = std::move(r);
   } else if (c.category() == RENDERER) {
     const std::size_t w = c.sum_bytes();
-    if (w < 1 || w > 16 || c.feature_bytes() > 16 || n > kMaxTaskPixels || bulk.size() != n * sums_bytes(c))
+    if (w < 1 || w > 16 || c.feature_bytes() > 16 || n > kMaxTaskPixels || !good_splats(c) ||
+        bulk.size() != n * sums_bytes(c) + splats_bytes(c))
       return failure("pixel sums have the wrong length");
     RendererReply r;
     r.task = c.task();
@@ -453,6 +446,7 @@ Result<Message> read_reply(const ReplyControl& c, std::span<const std::byte> bul
       for (PixelFeatures& p : r.features)
         for (Int128& sum : p.sum) sum = in.get_int128(v);
     }
+    read_splats(c, in, r.splats);
     m.payload = std::move(r);
   } else {
     return failure("tasks of this category are not replied");
@@ -464,7 +458,7 @@ Result<Message> read_ends(const EndsControl& c, std::span<const std::byte> bulk)
   const std::size_t n = c.count(), w = c.radiance_bytes();
   const std::size_t told = c.features(), v = c.feature_bytes();
   if (w < 1 || w > 8 || n + told == 0 || (told != 0 && (v < 1 || v > 8)) ||
-      bulk.size() != n * end_bytes(w) + told * features_bytes(v))
+      !good_splats(c) || bulk.size() != n * end_bytes(w) + told * features_bytes(v) + splats_bytes(c))
     return failure("path ends have the wrong length");
   PathEnds m;
   m.generation = c.generation();
@@ -485,6 +479,7 @@ Result<Message> read_ends(const EndsControl& c, std::span<const std::byte> bulk)
   for (PathFeatures& f : m.batch.features) in.get(f.ids);
   for (PathFeatures& f : m.batch.features)
     for (auto& value : f.values) value = in.get_int(v);
+  if (!read_splats(c, in, m.batch.ends)) return failure("a path's light is of no path");
   return Message(std::move(m));
 }
 

@@ -11,6 +11,18 @@
 
 namespace cloudrenderer::wire {
 
+// Bytes that hold v in two's complement.
+inline std::uint32_t width_of(std::int64_t v) {
+  const auto magnitude = static_cast<std::uint64_t>(v < 0 ? ~v : v);
+  return static_cast<std::uint32_t>((64 - std::countl_zero(magnitude)) / 8 + 1);
+}
+inline std::uint32_t width_of(const Int128& v) {
+  const auto high = static_cast<std::int64_t>(v >> 64);
+  const auto low = static_cast<std::int64_t>(static_cast<std::uint64_t>(v));
+  if (high == (low < 0 ? -1 : 0)) return width_of(low);
+  return 8 + width_of(high);
+}
+
 class ColumnWriter {
  public:
   explicit ColumnWriter(std::span<std::byte> out) : at_(out.data()) {}
@@ -74,6 +86,18 @@ Result<Message> failure(const T& why) {
 inline bool trailing_bits(std::span<const std::uint64_t> bits, std::size_t count) {
   return count % 64 != 0 && (bits.back() >> (count % 64)) != 0;
 }
+
+// splat_codec.cpp: what paths from lights bring to pixels.
+void set_control(std::span<const Splat> splats, ReplyControl& c);
+void set_control(std::span<const PathEnd> ends, EndsControl& c);
+std::size_t splats_bytes(const ReplyControl& c);
+std::size_t splats_bytes(const EndsControl& c);
+void write_splats(std::span<const Splat> splats, const ReplyControl& c, ColumnWriter& w);
+void write_splats(std::span<const PathEnd> ends, const EndsControl& c, ColumnWriter& w);
+bool good_splats(const ReplyControl& c);  // in number and width
+bool good_splats(const EndsControl& c);
+void read_splats(const ReplyControl& c, ColumnReader& in, std::vector<Splat>& splats);
+bool read_splats(const EndsControl& c, ColumnReader& in, std::vector<PathEnd>& ends);
 
 // nearest_codec.cpp: the answers of hosts that only intersect.
 void set_control(const NearestReply& r, ReplyControl& c);

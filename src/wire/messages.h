@@ -33,7 +33,7 @@ enum Column : std::uint32_t {
   kColumnBestHit = 1,  // some segment visits more than one holder: more than two parts
   kColumnTested = 2,   // likewise; with the window
   kColumnPreviousNormal = 4,
-  kColumnCone = 8,  // textures with a footprint; null surfaces in media
+  kColumnCone = 8,  // textures with a footprint; null surfaces in media; light paths
   kColumnMedium = 16,  // scenes whose rays are in one medium or another
 };
 using ColumnSet = std::uint32_t;
@@ -96,6 +96,7 @@ struct RendererReply {
   std::uint64_t invalid = 0, clamped = 0;  // samples
   std::vector<PixelFeatures> features{};   // row by row, in jobs with features
   bool negative_lobes = false;             // of the pixel filter
+  std::vector<Splat> splats{};             // in jobs with light paths: by pixel, each once
 };
 struct Refusal {};  // "not a holder at your epoch": nothing was done
 

@@ -1,0 +1,46 @@
+#pragma once
+// Rays that leave the lights of a scene. Private to the lights.
+#include <span>
+
+#include "shading/light_infinite.h"
+#include "shading/light_map.h"
+#include "shading/light_record.h"
+
+namespace cloudrenderer {
+
+// The lights' records, which belong to somebody else.
+struct EmitterRecords {
+  std::span<const Emitter> emitters;
+  std::span<const SpotCone> spots;
+  std::span<const DirectionalMap> maps;
+  std::span<const EmissiveQuadric> quadrics;
+  std::span<const InfiniteLight> infinite;
+};
+
+// Chooses emitters half by their power, half evenly; points on shapes by area and directions by the cosine, directions of
+// points evenly where they shine, light from outside on the disk across it that the scene's sphere fills.
+class LightRays {
+ public:
+  LightRays() = default;
+  LightRays(const EmitterRecords& records, const Bounds3& scene);
+  // See Lights::emit.
+  bool emit(float u_light, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;
+  // LightRay::density of an emissive shape where its normal is ng, either side; 0: rays do not begin there.
+  float density(std::uint32_t emitter, const Vec3& ng) const;
+  // The radiance of infinite light `number`, which is emitter `emitter`, but for the share of paths from lights.
+  Rgb escaped(std::uint32_t number, std::uint32_t emitter, const Vec3& direction, float light_ratio) const;
+  std::uint64_t bytes() const { return choice_.bytes(); }
+
+ private:
+  float power(const Emitter& e) const;
+  bool emit_from_shape(const Emitter& e, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;
+  bool emit_from_point(const Emitter& e, const Vec2& u_direction, LightRay& out) const;
+  bool emit_from_outside(const Emitter& e, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;
+
+  EmitterRecords records_;
+  Vec3 center_{};
+  float radius_ = 0;
+  Distribution1D choice_;
+};
+
+}  // namespace cloudrenderer
