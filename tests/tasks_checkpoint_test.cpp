@@ -83,6 +83,37 @@ TEST(Checkpoint, KeepsNegativeLobesApart) {
   EXPECT_FALSE(CheckpointReader(bytes, a_job()).next()) << "as many sums as pixels are expected there";
 }
 
+TEST(Checkpoint, KeepsLightOfPathsFromLights) {
+  CheckpointJob job = a_job();
+  job.light_paths = true;
+  Bytes bytes = encode_header(job);
+  EXPECT_TRUE((*read_header(bytes))->light_paths);
+  EXPECT_NE(difference(job, a_job())->find("--light-paths"), std::string::npos);
+  TileSums tile = a_tile(1, 1, {{0, 3}}, 5), none = a_tile(0, 1, {{0, 3}}, 6);
+  tile.light_paths = none.light_paths = true;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    Splat& s = tile.splats.emplace_back();
+    s.pixel = 100 * (10 + i) + 6;
+    for (std::size_t c = 0; c < 3; ++c) s.sum[i % 2][c] = -(static_cast<Int128>(i + c) << 90);
+  }
+  encode_record(tile, header_checksum(bytes), bytes);
+  encode_record(none, header_checksum(bytes), bytes);
+  const std::size_t good = bytes.size();
+  tile.light_paths = false;
+  tile.splats.clear();
+  encode_record(tile, header_checksum(bytes), bytes);  // of a job without
+  CheckpointReader reader(bytes, job);
+  const auto got = reader.next(), bare = reader.next();
+  ASSERT_TRUE(got && bare);
+  EXPECT_TRUE(same(*got, a_tile(1, 1, {{0, 3}}, 5)));
+  ASSERT_EQ(got->splats.size(), 3u);
+  EXPECT_EQ(got->splats[2].pixel, 1206u);
+  EXPECT_TRUE(got->splats[2].sum[0][1] == -(static_cast<Int128>(3) << 90));
+  EXPECT_TRUE(bare->splats.empty());
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(reader.position(), good);
+}
+
 TEST(Checkpoint, KeepsWhatPathsHaveSeen) {
   CheckpointJob job = a_job();
   job.features = true;

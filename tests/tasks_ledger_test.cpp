@@ -113,6 +113,25 @@ TEST(Ledger, WaitsForWhatAPathHasSeenInAnyOrderAndCountsItOnce) {
   EXPECT_EQ(r.sums[2].count, (std::array<std::uint32_t, 2>{0, 0}));
 }
 
+TEST(Ledger, SumsLightOfPathsFromLightsByPixel) {
+  RendererLedger l(kRange, kWidth);
+  const auto end = [](std::uint32_t sample, std::uint32_t target, std::int64_t light, std::uint16_t flags = 0) {
+    return PathEnd{kRange.task, kRange.y0 * kWidth + kRange.x0, sample, 1, flags, {1, 1, 1}, target, {light, 2, -3}};
+  };
+  EXPECT_EQ(l.record(end(kRange.sample_begin, 9000, 5)), Outcome::counted);
+  EXPECT_EQ(l.record(end(kRange.sample_begin, 9000, 5)), Outcome::duplicate);
+  EXPECT_EQ(l.record(end(kRange.sample_begin + 1, 7, 6)), Outcome::counted);
+  EXPECT_EQ(l.record(end(kRange.sample_begin + 2, 9000, 70)), Outcome::counted);
+  EXPECT_EQ(l.record(end(kRange.sample_begin + 3, 8, 70, kEndInvalid)), Outcome::counted);
+  const auto r = std::move(l).reply();
+  ASSERT_EQ(r.splats.size(), 2u);
+  EXPECT_EQ(r.splats[0].pixel, 7u);
+  EXPECT_EQ(r.splats[1].pixel, 9000u);
+  EXPECT_TRUE(r.splats[1].sum[kRange.sample_begin & 1][0] == 75);
+  EXPECT_TRUE(r.splats[1].sum[kRange.sample_begin & 1][2] == -6);
+  EXPECT_TRUE(r.splats[0].sum[(kRange.sample_begin + 1) & 1][0] == 6);
+}
+
 TEST(Ledger, TakesNoFeaturesInJobsWithoutThem) {
   RendererLedger l(kRange, kWidth);
   EXPECT_EQ(l.record(told(10, 4, 5, kTellsHit)), Outcome::foreign);

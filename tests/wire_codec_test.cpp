@@ -155,6 +155,38 @@ TEST(Codec, KeepsSumsOfWhatPathsHaveSeen) {
   EXPECT_GT(encode(Reply{{1, 2}, 3, r})->size(), without + 3 * 20);
 }
 
+TEST(Codec, KeepsLightOfPathsFromLights) {
+  PathEnds m;
+  for (std::uint32_t i = 0; i < 5; ++i) m.batch.ends.push_back({1, i, 3, 4, 0, {5, -6, 7}});
+  const std::size_t without = encode(m)->size();
+  m.batch.ends[1].target = 70000;
+  m.batch.ends[1].splat = {std::int64_t{1} << 40, -1, 0};
+  m.batch.ends[4].target = 0;
+  m.batch.features.push_back({1, 2, 3, 4, kTellsHit, {5, 6, 7}, {}});
+  const PathEnds got = there_and_back(m);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(got.batch.ends[i].target, m.batch.ends[i].target) << i;
+    EXPECT_EQ(got.batch.ends[i].splat, m.batch.ends[i].splat) << i;
+  }
+  EXPECT_EQ(got.batch.features.size(), 1u);
+  m.batch.features.clear();
+  EXPECT_LT(encode(m)->size(), without + 2 * (8 + 3 * 6) + 8) << "two of five have some";
+
+  RendererReply r;
+  r.sums.resize(3);
+  r.splats.resize(2);
+  r.splats[0].pixel = 5;
+  r.splats[0].sum[1][2] = -(static_cast<Int128>(7) << 70);
+  r.splats[1].pixel = 1u << 30;
+  r.splats[1].sum[0][0] = 9;
+  const auto back = std::get<RendererReply>(there_and_back(Reply{{1, 2}, 3, r}).payload);
+  ASSERT_EQ(back.splats.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(back.splats[i].pixel, r.splats[i].pixel);
+    EXPECT_TRUE(back.splats[i].sum == r.splats[i].sum) << i;
+  }
+}
+
 TEST(Codec, KeepsSumsOfNegativeLobes) {
   RendererReply r;
   r.sums.resize(6);

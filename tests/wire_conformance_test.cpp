@@ -137,6 +137,9 @@ Json columns(const Reply& m) {
   } else if (const auto* p = std::get_if<RendererReply>(&m.payload)) {
     column(out, "counts", p->sums, [](const PixelSums& s) { return s.count; });
     column(out, "sums", p->sums, [](const PixelSums& s) { return s.sum; });
+    if (p->splats.empty()) return out;
+    column(out, "splats pixel", p->splats, [](const Splat& s) { return s.pixel; });
+    column(out, "splats sums", p->splats, [](const Splat& s) { return s.sum; });
   } else if (const auto* n = std::get_if<NearestReply>(&m.payload)) {
     using H = AnsweredHit;
     const ReplyControl c = control_of(m);
@@ -155,6 +158,16 @@ Json columns(const Reply& m) {
   return out;
 }
 
+void feature_columns(Json& out, const std::vector<PathFeatures>& all) {
+  column(out, "features task", all, [](const PathFeatures& f) { return f.task; });
+  column(out, "features pixel", all, [](const PathFeatures& f) { return f.pixel; });
+  column(out, "features sample", all, [](const PathFeatures& f) { return f.sample; });
+  column(out, "features owner", all, [](const PathFeatures& f) { return f.owner; });
+  column(out, "features flags", all, [](const PathFeatures& f) { return f.flags; });
+  column(out, "features ids", all, [](const PathFeatures& f) { return f.ids; });
+  column(out, "features values", all, [](const PathFeatures& f) { return f.values; });
+}
+
 Json columns(const PathEnds& m) {
   Json out = Json::array();
   column(out, "task", m.batch.ends, [](const PathEnd& e) { return e.task; });
@@ -163,14 +176,14 @@ Json columns(const PathEnds& m) {
   column(out, "owner", m.batch.ends, [](const PathEnd& e) { return e.owner; });
   column(out, "flags", m.batch.ends, [](const PathEnd& e) { return e.flags; });
   column(out, "radiance", m.batch.ends, [](const PathEnd& e) { return e.radiance; });
-  if (m.batch.features.empty()) return out;
-  column(out, "features task", m.batch.features, [](const PathFeatures& f) { return f.task; });
-  column(out, "features pixel", m.batch.features, [](const PathFeatures& f) { return f.pixel; });
-  column(out, "features sample", m.batch.features, [](const PathFeatures& f) { return f.sample; });
-  column(out, "features owner", m.batch.features, [](const PathFeatures& f) { return f.owner; });
-  column(out, "features flags", m.batch.features, [](const PathFeatures& f) { return f.flags; });
-  column(out, "features ids", m.batch.features, [](const PathFeatures& f) { return f.ids; });
-  column(out, "features values", m.batch.features, [](const PathFeatures& f) { return f.values; });
+  std::vector<std::uint32_t> splats;  // of which ends
+  for (std::uint32_t i = 0; i < m.batch.ends.size(); ++i)
+    if (m.batch.ends[i].target != PathEnd().target) splats.push_back(i);
+  if (!m.batch.features.empty()) feature_columns(out, m.batch.features);
+  if (splats.empty()) return out;
+  column(out, "splats end", splats, kItself);
+  column(out, "splats target", splats, [&](std::uint32_t i) { return m.batch.ends[i].target; });
+  column(out, "splats light", splats, [&](std::uint32_t i) { return m.batch.ends[i].splat; });
   return out;
 }
 
@@ -257,11 +270,19 @@ std::vector<std::pair<std::string, Message>> messages() {
   add("reply_renderer", Reply{{77, 1}, 3, sums});
   sums.negative_lobes = true;  // one pixel
   add("reply_renderer_lobes", Reply{{77, 1}, 3, sums});
+  sums.negative_lobes = false;
+  sums.splats = {{5, {{{7, -8, 9}, {0, 1, 1 << 20}}}}, {70000, {{{1, 2, 3}, {4, 5, 6}}}}};
+  add("reply_renderer_splats", Reply{{77, 1}, 3, sums});
   PathEnds ends;
   ends.generation = 2;
   for (std::uint32_t i = 0; i < 3; ++i)
     ends.batch.ends.push_back({9, i, 5, 1, static_cast<std::uint16_t>(i), {i * 1000, -5, 1 << 18}});
   add("path_ends", ends);
+  PathEnds lit = ends;
+  lit.batch.ends[0].target = 70000;
+  lit.batch.ends[2].target = 5;
+  lit.batch.ends[2].splat = {1 << 20, -2, 3};
+  add("path_ends_splats", lit);
   for (std::uint32_t i = 0; i < 2; ++i)
     ends.batch.features.push_back({9, i, 5, 1, kTellsHit | kTellsSurface, {1, 2, 3}, {1 << 29, 5, -6, 7, 8, 9, 10, -11, 12, std::int64_t{1} << 33}});
   add("path_ends_features", ends);

@@ -26,7 +26,9 @@ def layout(name, c):
                     (what + "owner", "<u2", 1, n), (what + "flags", "<u2", 1, n)]
         seen = whose("features ", c.features) + [("features ids", "<u4", 3, c.features),
                                                  ("features values", f"i{c.feature_bytes}", 10, c.features)]
-        return whose("", c.count) + [("radiance", f"i{c.radiance_bytes}", 3, c.count)] + (seen if c.features else [])
+        lit = [("splats end", "<u4", 1, c.splats), ("splats target", "<u4", 1, c.splats), ("splats light", f"i{c.splat_bytes}", 3, c.splats)]
+        return (whose("", c.count) + [("radiance", f"i{c.radiance_bytes}", 3, c.count)] + (seen if c.features else []) +
+                (lit if c.splats else []))
     if name == "Reply":
         words = -(-c.count // 64)
         if c.refused:
@@ -35,7 +37,8 @@ def layout(name, c):
             return [("accepted", "<u8", 1, words), ("tested", "<u8", 1, c.misses)] + [("windows", "<u2", 1, c.misses)] * c.windows
         if c.category == frames.pb.RENDERER:
             n = c.count * (2 if c.negative_lobes else 1)
-            return [("counts", "<u4", 2, n), ("sums", f"i{c.sum_bytes}", 6, n)]
+            lit = [("splats pixel", "<u4", 1, c.splats), ("splats sums", f"i{c.splat_bytes}", 6, c.splats)]
+            return [("counts", "<u4", 2, n), ("sums", f"i{c.sum_bytes}", 6, n)] + (lit if c.splats else [])
         if not c.nearest:
             return [("blocked", "<u8", 1, words)]
         return ([("found", "<u8", 1, words), ("t", "<f4", 1, c.hits), ("uv", "<f4", 2, c.hits), ("shape", "<u4", 1, c.hits),

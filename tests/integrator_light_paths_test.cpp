@@ -1,0 +1,197 @@
+// Paths from lights bring what paths from the camera would, in expectation, and what these never find; the same bits however
+// the scene is split.
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "integrator/path_tracer.h"
+#include "parts/split.h"
+#include "parts_support.h"
+
+namespace cloudrenderer {
+namespace {
+
+struct Picture {
+  std::vector<PixelSums> sums;
+  std::vector<Splat> splats;
+  double mean = 0;  // of green
+  std::size_t parts = 0, splatted = 0;
+  RayCounts counts;
+};
+
+struct Look {
+  bool light_paths = true;
+  std::uint32_t spp = 256;
+  std::uint64_t part_size = std::uint64_t{64} << 20;
+};
+
+Picture picture_of(const std::string& text, const Look& look) {
+  prepare_compute_thread();
+  const parts_test::TemporaryFolder folder;
+  const std::string scene = folder.path("scene.pbrt"), split = folder.path("split");
+  std::ofstream(scene) << text;
+  Warnings warnings;
+  SplitOptions options;
+  options.part_size = look.part_size;
+  const Manifest m = split_scene(scene, split, options, warnings);
+  EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
+  JobOverrides overrides;
+  overrides.spp = look.spp;
+  overrides.light_paths = look.light_paths;
+  Resident resident({});
+  const auto read = [](const std::string& path) { return *read_part_file(path); };
+  const PathTracer tracer(m, job_settings(m.scene, overrides, warnings), read(part_path(split, 0)), resident, warnings);
+  EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
+  for (std::uint32_t i = 1; i < m.parts.size(); ++i) resident.load_part(PartId(i), read(part_path(split, i)));
+
+  const FilmFrame& f = tracer.job().film.frame;
+  Film film(f, tracer.job().k, tracer.job().lobes);
+  Picture out;
+  out.parts = m.parts.size();
+  const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, look.spp};
+  constexpr std::uint64_t kBatch = 4096;
+  std::uint64_t ended = 0;
+  for (std::uint64_t made = 0; made < range.paths(); made += kBatch) {
+    SegmentBatch batch;
+    tracer.camera(range, 1, made, std::min(kBatch, range.paths() - made), batch.segments);
+    while (batch.size() != 0) {
+      tracer.trace(batch);
+      ShadeOutput shaded;
+      tracer.shade(batch, shaded);
+      for (const PathEnd& e : shaded.ended) {
+        film.at(e.pixel % f.width, e.pixel / f.width, tracer.in_negative_lobe(e.pixel, e.sample)).add(e.radiance, e.sample);
+        ++ended;
+        if (e.target == PathEnd().target) continue;
+        EXPECT_TRUE(tracer.may_splat(e.target));
+        Splat splat{e.target, {}};
+        splat.add(e.splat, e.sample);
+        film.add(splat);
+        ++out.splatted;
+      }
+      EXPECT_TRUE(shaded.parked.empty());
+      out.counts += shaded.counts;
+      batch = {};
+      batch.segments = std::move(shaded.continuing);
+    }
+  }
+  EXPECT_EQ(ended, range.paths()) << "every sample ends once";
+  film.count_light_paths({f.pixels() * ((look.spp + 1) / 2), f.pixels() * (look.spp / 2)});
+  for (std::size_t p = 0; p < f.pixels(); ++p) out.mean += film.mean(p, 1, 1 / fixed_units(tracer.job().k)) / static_cast<double>(f.pixels());
+  out.sums.assign(film.sums().begin(), film.sums().end());
+  out.splats.assign(film.splats().begin(), film.splats().end());
+  EXPECT_EQ(out.counts.invalid, 0u);
+  return out;
+}
+
+std::string scene(const std::string& world, const std::string& options = "", const std::string& integrator = "Integrator \"path\"") {
+  return "LookAt 0 4 -5  0 0 1  0 1 0\nCamera \"perspective\" \"float fov\" [40]\n"
+         "Film \"image\" \"integer xresolution\" [24] \"integer yresolution\" [16] \"string filename\" [\"a.exr\"]\n" +
+         integrator + " \"integer maxdepth\" [8]\n" + options + "WorldBegin\n" + world +
+         "Material \"matte\" \"rgb Kd\" [.5 .5 .5]\n"
+         "Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \"point P\" [-9 0 -9  9 0 -9  9 0 9  -9 0 9]\nWorldEnd\n";
+}
+
+// What shines, inside of glass: all light on the floor comes by the glass.
+std::string bulb(const std::string& lamp, const std::string& glass = "\"sphere\" \"float radius\" [1.2]") {
+  return "AttributeBegin\nTranslate 0 2.5 1.5\n" + lamp + "AttributeEnd\nAttributeBegin\nTranslate 0 2.5 1.5\nMaterial \"glass\"\nShape " + glass +
+         "\nAttributeEnd\n";
+}
+const std::string kBall = "AreaLightSource \"diffuse\" \"rgb L\" [9 9 9]\nShape \"sphere\" \"float radius\" [.8]\n";
+const std::string kSheet = "AreaLightSource \"diffuse\" \"rgb L\" [9 9 9] \"bool twosided\" [\"true\"]\n"
+                           "Shape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \"point P\" [-.7 0 -.7 .7 0 -.7 .7 0 .7 -.7 0 .7]\n";
+// With normals that are not the triangles'.
+const std::string kSmoothed = "\"loopsubdiv\" \"integer nlevels\" [1] \"integer indices\" [0 2 4 2 1 4 1 3 4 3 0 4 2 0 5 1 2 5 3 1 5 0 3 5] "
+                              "\"point P\" [2 0 0 -2 0 0 0 2 0 0 -2 0 0 0 2 0 0 -2]";
+
+void expect_same_light(const std::string& text, double tolerance = 0.01, double share = 0.1) {
+  const Picture both = picture_of(text, {.spp = 512}), camera_only = picture_of(text, {.light_paths = false, .spp = 2048});
+  EXPECT_GT(both.splatted, 300u);
+  EXPECT_EQ(camera_only.splatted, 0u);
+  EXPECT_GT(camera_only.mean, 0.01);
+  EXPECT_NEAR(both.mean / camera_only.mean, 1, tolerance) << text;
+  double splats = 0, all = 0;
+  for (const Splat& s : both.splats) splats += static_cast<double>(s.sum[0][1] + s.sum[1][1]);
+  for (const PixelSums& s : both.sums) all += static_cast<double>(s.sum[0][1] + s.sum[1][1]);
+  EXPECT_GT(splats / (splats + all), share) << "much of it is theirs, or the test says little";
+}
+
+TEST(LightPaths, BringWhatPathsFromTheCameraFind) {
+  expect_same_light(scene(bulb(kBall)));
+  expect_same_light(scene(bulb(kSheet)));
+  expect_same_light(scene(bulb(kBall, kSmoothed)), 0.015);
+  // The sun of a sky, in a dome of glass.
+  const parts_test::TemporaryFolder folder;
+  Image sky{32, 16, std::vector<Rgb>(32 * 16, Rgb(.2f))};
+  for (const std::uint32_t at : {70u, 71u, 102u, 103u}) sky.pixels[at] = Rgb(100.f);
+  FilmFrame frame{32, 16, 0, 0, 32, 16};
+  write_image(folder.path("sky.exr"), sky, frame);
+  expect_same_light(scene("AttributeBegin\nRotate -90 1 0 0\nLightSource \"infinite\" \"string mapname\" \"" + folder.path("sky.exr") +
+                          "\"\nAttributeEnd\nAttributeBegin\nMaterial \"glass\"\nShape \"sphere\" \"float radius\" [12]\nAttributeEnd\n"), 0.02, 0.05);
+}
+
+TEST(LightPaths, MeetEveryKindOfFilterCameraAndDialect) {
+  expect_same_light(scene(bulb(kBall), "PixelFilter \"mitchell\"\n"), 0.015);
+  expect_same_light(scene(bulb(kBall), "Camera \"perspective\" \"float fov\" [40] \"float lensradius\" [.4] \"float focaldistance\" [5]\n"));
+  expect_same_light(scene(bulb(kBall), "Camera \"orthographic\" \"float screenwindow\" [-2.5 2.5 -2 2]\n"));
+  expect_same_light(scene(bulb(kBall), "Scale 2 2 2\n"));
+  expect_same_light(scene(bulb(kBall), "", "SurfaceIntegrator \"path\""));
+}
+
+// A light in a mirror is a second light: Fresnel's terms are one there.
+TEST(LightPaths, BringPointLightsByMirrors) {
+  const std::string mirror = "AttributeBegin\nMaterial \"mirror\" \"rgb Kr\" [1 1 1]\n"
+                             "Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \"point P\" [5 0 -30  5 30 -30  5 30 30  5 0 30]\nAttributeEnd\n";
+  const std::string near = "Camera \"perspective\" \"float fov\" [15]\n";  // sees the floor alone
+  const auto at = [](const char* type, const char* one, const char* other) {
+    return std::pair("LightSource " + std::string(type) + one + "\n", "LightSource " + std::string(type) + other + "\n");
+  };
+  for (const auto& [light, image] :
+       {at("\"point\" \"rgb I\" [20 20 20]", " \"point from\" [4 2 1.5]", " \"point from\" [6 2 1.5]"),
+        at("\"spot\" \"rgb I\" [90 90 90] \"float coneangle\" [35]", " \"point from\" [3 3 1.5] \"point to\" [5 1.5 1.2]", " \"point from\" [7 3 1.5] \"point to\" [5 1.5 1.2]"),
+        at("\"distant\" \"rgb L\" [2 2 2]", " \"point from\" [-1 1 .2]", " \"point from\" [1 1 .2]")}) {
+    const Picture mirrored = picture_of(scene(light + mirror, near), {.spp = 4096});
+    const Picture direct = picture_of(scene(light, near), {.light_paths = false, .spp = 64}),
+                  both = picture_of(scene(light + image, near), {.light_paths = false, .spp = 64});
+    EXPECT_GT(both.mean, 1.05 * direct.mean) << light;
+    EXPECT_NEAR((mirrored.mean - direct.mean) / (both.mean - direct.mean), 1, 0.03) << light;
+  }
+}
+
+TEST(LightPaths, AreTheSameInAllSplits) {
+  std::string world = bulb(kBall, kSmoothed);
+  for (int i = 0; i < 40; ++i)
+    world += "AttributeBegin\nTranslate " + std::to_string(i % 8 - 4) + " .2 " + std::to_string(i / 8 - 1) + "\nScale .1 .1 .1\nMaterial \"" +
+             (i % 3 ? "matte" : "mirror") + "\"\nShape " + kSmoothed + "\nAttributeEnd\n";
+  const Picture whole = picture_of(scene(world), {.spp = 16}), split = picture_of(scene(world), {.spp = 16, .part_size = 20000});
+  EXPECT_EQ(whole.parts, 2u);
+  EXPECT_GT(split.parts, 5u);
+  EXPECT_GT(whole.splatted, 100u);
+  EXPECT_EQ(whole.counts.bounce, split.counts.bounce);
+  ASSERT_EQ(whole.splats.size(), split.splats.size());
+  for (std::size_t i = 0; i < whole.splats.size(); ++i) EXPECT_TRUE(whole.splats[i].sum == split.splats[i].sum) << i;
+  for (std::size_t i = 0; i < whole.sums.size(); ++i) EXPECT_TRUE(whole.sums[i].sum == split.sums[i].sum) << i;
+}
+
+TEST(LightPaths, ComeWithIntegratorsThatAreChosenForThem) {
+  const auto has = [](const std::string& integrator, const std::string& material, std::optional<bool> wanted = {}) {
+    SceneDescription s;
+    s.dialect = Dialect::v3;
+    s.integrator.type = integrator;
+    s.materials.emplace_back().type = material;
+    JobOverrides o;
+    o.light_paths = wanted;
+    Warnings warnings;
+    return job_settings(s, o, warnings).light_paths;
+  };
+  for (const char* name : {"bdpt", "mlt", "sppm"}) {
+    EXPECT_TRUE(has(name, "glass")) << name;
+    EXPECT_FALSE(has(name, "matte")) << name;
+    EXPECT_FALSE(has(name, "glass", false)) << name;
+  }
+  EXPECT_FALSE(has("path", "glass"));
+  EXPECT_TRUE(has("path", "glass", true));
+  EXPECT_FALSE(has("directlighting", "glass", true));
+}
+
+}  // namespace
+}  // namespace cloudrenderer
