@@ -85,9 +85,9 @@ TEST(Checkpoint, KeepsNegativeLobesApart) {
 
 TEST(Checkpoint, KeepsLightOfPathsFromLights) {
   CheckpointJob job = a_job();
-  job.light_paths = true;
+  job.light_paths = LightPaths::all;
   Bytes bytes = encode_header(job);
-  EXPECT_TRUE((*read_header(bytes))->light_paths);
+  EXPECT_EQ((*read_header(bytes))->light_paths, LightPaths::all);
   EXPECT_NE(difference(job, a_job())->find("--light-paths"), std::string::npos);
   TileSums tile = a_tile(1, 1, {{0, 3}}, 5), none = a_tile(0, 1, {{0, 3}}, 6);
   tile.light_paths = none.light_paths = true;

@@ -8,7 +8,7 @@ using namespace manager_test;
 
 JobSpec with_light_paths(bool has = true) {
   JobSpec spec = job(1);
-  spec.start.set_light_paths(has);
+  spec.start.set_light_paths(has ? 1 : 0);
   return spec;
 }
 

@@ -233,6 +233,7 @@ std::vector<std::pair<std::string, Message>> messages() {
   auto start = filled<JobStart>();
   start.set_width(60);
   start.set_height(50);
+  start.set_light_paths(2);
   (*start.mutable_options())["max_depth"] = "7";
   add("job_start", start);
   add("job_end", filled<JobEnd>());

@@ -67,8 +67,9 @@ void add_render(CLI::App& app, RenderOptions& o, Texts& t, std::string& integrat
   app.add_option("--spp", t.spp, "samples per pixel");
   app.add_option("--max-depth", t.max_depth, "maxdepth of the integrator");
   app.add_option("--light-paths", t.light_paths,
-                 "paths from the lights too, for caustics (default: where the scene's integrator is bdpt, mlt, sppm or a photon map)")
-      ->check(CLI::IsMember({"on", "off"}));
+                 "paths from the lights too: for caustics (default with sppm and photon maps), or for all light that is not direct (all; "
+                 "default with bdpt, mlt and metropolis), or off (default with path)")
+      ->check(CLI::IsMember({"off", "caustics", "all"}));
   app.add_option("--resolution", t.resolution, "WxH pixels");
   app.add_option("--seed", t.seed, "another picture of the same scene");
   app.add_option("--max-error", t.max_error, "stop when the relMSE is this small, by the upper end of its estimate's interval");
@@ -107,7 +108,7 @@ void read_render(const Texts& t, const std::string& integrator, RenderOptions& o
   if (!t.spp.empty()) j.spp = at_least<std::uint32_t>("--spp", t.spp, 1);
   if (!t.max_depth.empty()) j.max_depth = at_least<std::uint32_t>("--max-depth", t.max_depth, 0);
   if (!t.seed.empty()) j.seed = at_least<std::uint32_t>("--seed", t.seed, 0);
-  if (!t.light_paths.empty()) j.light_paths = t.light_paths == "on";
+  if (!t.light_paths.empty()) j.light_paths = light_paths_of(t.light_paths);
   if (!integrator.empty()) j.integrator = integrator;
   if (!t.resolution.empty()) {
     const auto [width, height] = resolution_option(t.resolution);

@@ -127,8 +127,8 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   s.set_seed(settings.seed);
   s.set_k(settings.k);
   s.set_features(settings.features);
-  s.set_light_paths(settings.light_paths);
-  s.set_columns(columns_of(manifest, needs, settings.light_paths));
+  s.set_light_paths(static_cast<std::uint32_t>(settings.light_paths));
+  s.set_columns(columns_of(manifest, needs, settings.light_paths != LightPaths::none));
   if (overrides.integrator) s.set_integrator(*overrides.integrator);
   // Zero is a depth too, so it is an option and not the field in which zero means "from the scene".
   if (overrides.max_depth) (*s.mutable_options())[kMaxDepth] = std::to_string(*overrides.max_depth);
@@ -147,7 +147,7 @@ JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, W
   JobSettings settings = job_settings(manifest.scene, o, warnings);
   settings.k = start.k();
   settings.features = start.features();
-  settings.light_paths = start.light_paths();
+  settings.light_paths = static_cast<LightPaths>(start.light_paths());
   settings.length_k = feature_length_k(manifest.bounds);
   settings.footprint_spp = number_option(start, kFootprintSpp).value_or(0);
   settings.film.frame = {start.width(), start.height(), start.x0(),

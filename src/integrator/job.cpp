@@ -1,6 +1,7 @@
 #include "integrator/job.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 
@@ -37,10 +38,10 @@ bool is_same_transport(const std::string& type) {
   return types.contains(type);
 }
 
-// Of those, the ones that find light which comes by specular surfaces: what they are chosen for.
-bool is_for_caustics(const std::string& type) {
-  static const std::set<std::string> types{"metropolis", "photonmap", "exphotonmap", "mlt", "bdpt", "sppm"};
-  return types.contains(type);
+// What those are chosen for, besides.
+LightPaths light_paths_for(const std::string& type) {
+  static const std::set<std::string> caustics{"photonmap", "exphotonmap", "sppm"}, all{"metropolis", "mlt", "bdpt"};
+  return caustics.contains(type) ? LightPaths::caustics : all.contains(type) ? LightPaths::all : LightPaths::none;
 }
 
 bool may_be_specular(const SceneDescription& scene) {
@@ -76,6 +77,17 @@ MediaTransport media_transport(const SceneDescription& scene, const std::string&
 }
 
 }  // namespace
+
+const char* name(LightPaths paths) {
+  static constexpr std::array<const char*, 3> kNames{"off", "caustics", "all"};
+  return kNames.at(static_cast<std::size_t>(paths));
+}
+
+std::optional<LightPaths> light_paths_of(const std::string& text) {
+  for (const LightPaths p : {LightPaths::none, LightPaths::caustics, LightPaths::all})
+    if (text == name(p)) return p;
+  return std::nullopt;
+}
 
 JobSettings job_settings(const SceneDescription& scene, const JobOverrides& overrides, Warnings& warnings) {
   JobSettings job;
@@ -119,10 +131,11 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     scene.volume_integrator->params.report_unused("VolumeIntegrator \"" + scene.volume_integrator->type + "\"", warnings);
   }
   if (type == "volpath" || type == "dipolesubsurface") type = "path";
-  job.light_paths = overrides.light_paths.value_or(is_for_caustics(type) && may_be_specular(scene));
+  job.light_paths = overrides.light_paths.value_or(light_paths_for(type));
+  if (!overrides.light_paths && job.light_paths == LightPaths::caustics && !may_be_specular(scene)) job.light_paths = LightPaths::none;
   if (is_same_transport(type)) {
     warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path" +
-                                       (job.light_paths ? ", and with paths from lights for caustics" : ""));
+                                       (job.light_paths != LightPaths::none ? ", and with paths from lights" : ""));
     type = "path";
   }
   const int scene_depth = source->params.integer("maxdepth", 5);
@@ -151,9 +164,9 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   }
   if (!overrides.integrator && source == &scene.integrator)
     source->params.report_unused((v2 ? "SurfaceIntegrator \"" : "Integrator \"") + scene.integrator.type + "\"", warnings);
-  if (const std::string why = job.light_paths ? no_light_paths(scene, job) : ""; !why.empty()) {
-    warnings.add(source->location, why + ": no paths from lights, caustics are left to those from the camera");
-    job.light_paths = false;
+  if (const std::string why = job.light_paths != LightPaths::none ? no_light_paths(scene, job) : ""; !why.empty()) {
+    warnings.add(source->location, why + ": there are no paths from lights, and caustics are left to those from the camera");
+    job.light_paths = LightPaths::none;
   }
   Warnings said_later;  // by who renders with it
   job.lobes = Filter::build(scene.filter, said_later, scene.dialect)->lobes();

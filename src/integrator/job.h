@@ -16,13 +16,19 @@ enum class IntegratorKind : std::uint8_t { path, direct, ambient_occlusion };
 // that they scatter once, both along rays from the camera and from specular lobes. pbrt-v3's volpath: paths scatter in them.
 enum class MediaTransport : std::uint8_t { none, emission, single, multiple };
 
+// Whether every sample has a path from a light too: for light that comes from its light by specular surfaces, or for all light
+// that what the camera sees has not directly.
+enum class LightPaths : std::uint8_t { none, caustics, all };
+const char* name(LightPaths paths);                          // off, caustics, all
+std::optional<LightPaths> light_paths_of(const std::string& name);
+
 // What the command line changes of the scene's own settings.
 struct JobOverrides {
   std::optional<std::uint32_t> spp, max_depth;
   std::optional<std::uint32_t> width, height;
   std::optional<std::array<float, 4>> crop;  // x0 x1 y0 y1 in [0, 1], as pbrt's cropwindow
   std::optional<std::string> integrator;     // pbrt's name
-  std::optional<bool> light_paths;
+  std::optional<LightPaths> light_paths;
   std::uint32_t seed = 0;
 };
 
@@ -40,8 +46,7 @@ struct JobSettings {
   // counts up to vertex `emission_vertex`.
   std::uint32_t light_vertices = 6;
   std::uint32_t emission_vertex = 5;
-  // Every sample has a path from a light too, for light that reaches what is not specular by specular surfaces (caustics).
-  bool light_paths = false;
+  LightPaths light_paths = LightPaths::none;
   float ao_distance = kInfinity;
   bool ao_cosine = false;
   int k = 30;  // fixed point: units of 2^-k

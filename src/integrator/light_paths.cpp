@@ -1,8 +1,10 @@
 // Paths from lights (job.light_paths). They bring what paths from the camera seldom or never find: light that comes by specular
-// surfaces to one that is not, and from there, directly or by others, to what the camera sees. A sample's path begins one when
-// it has ended; it travels as any other and brings light to at most one pixel of the film. Light that both kinds of paths can
-// find is weighted by the power heuristic (Veach 1995), with the densities of both as if every lobe's chance were even from
-// its two sides and specular surfaces changed none, which weights may: they only have to agree.
+// surfaces to one that is not, and from there, directly or by others, to what the camera sees; or all light that comes by one
+// surface or more to what the camera sees. A sample's path begins one when it has ended; it travels as any other and brings
+// light to at most one pixel of the film. What paths of both kinds and light samples can find is weighted by the power
+// heuristic (Veach 1995), with the ratio of their densities kept up from vertex to vertex (as by Georgiev et al. 2012, "Light
+// Transport Simulation with Vertex Connection and Merging", with fewer techniques). For these ratios specular lobes are as
+// likely from either side, which weights may say: they only have to agree.
 #include <cmath>
 
 #include "integrator/shader.h"
@@ -37,7 +39,7 @@ bool has_specular(const Bsdf& bsdf) {
 }  // namespace
 
 float PathTracer::light_ratio(const PathSegment& s, float t) const {
-  if (!light_paths_) return 0.f;
+  if (light_paths_ == LightPaths::none) return 0.f;
   if (s.has_light_ratio()) return s.light_ratio();
   // Rays to the camera pass nothing, and begin at surfaces that scatter.
   return s.vertex == 0 && s.passed == 0 ? film_pixels_ / camera_->density(s.direction, t) : 0.f;
@@ -55,11 +57,26 @@ F PathTracer::Shader::light_ratio_behind(const BsdfOf<F>& bsdf, const ScatterOf<
 template float PathTracer::Shader::light_ratio_behind<float>(const Bsdf&, const ScatterOf<float>&, const BsdfSample&) const;
 template Float8 PathTracer::Shader::light_ratio_behind<Float8>(const Bsdf8&, const ScatterOf<Float8>&, const BsdfSampleOf<Float8>&) const;
 
+template <class F>
+F PathTracer::Shader::sample_ratio(const BsdfOf<F>& bsdf, const ScatterOf<F>& v, const LightSampleOf<F>& sample) const {
+  BsdfOf<F> back(bsdf);
+  back.finish(sample.wi);
+  const F bends = lanes::abs(glm::dot(v.ng, sample.wi)) / lanes::abs(glm::dot(v.ng, v.wo));
+  const F ratio = v.ratio * bends * back.pdf(sample.wi, v.wo) * (kConnect * sample.emission / sample.pdf);
+  return lanes::select(lanes::greater(v.vertex, 0) && ratio > 0.f, ratio, F(0.f));
+}
+template float PathTracer::Shader::sample_ratio<float>(const Bsdf&, const ScatterOf<float>&, const LightSample&) const;
+template Float8 PathTracer::Shader::sample_ratio<Float8>(const Bsdf8&, const ScatterOf<Float8>&, const LightSample8&) const;
+
+bool PathTracer::Shader::light_ray(LightRay& ray) const {
+  const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, path->pixel, path->sample).get_pairs(kLightNumbers);
+  return tracer.lights_->emit(numbers[0].x, numbers[1], numbers[2], ray);
+}
+
 bool PathTracer::Shader::begin_light_path() {
   const PathSegment& s = *path;
-  const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(kLightNumbers);
   LightRay ray;
-  if (!tracer.lights_->emit(numbers[0].x, numbers[1], numbers[2], ray)) return false;
+  if (!light_ray(ray)) return false;
   PathSegment& to = next();
   to.origin = ray.origin;
   to.direction = ray.direction;
@@ -69,7 +86,7 @@ bool PathTracer::Shader::begin_light_path() {
   to.vertex = to.passed = to.medium = 0;
   to.flags = static_cast<std::uint16_t>((s.flags & (kHitTold | kSurfaceTold)) | kLightPath | kSpecularBounce);
   to.cone_width = 0;
-  to.light_ratio() = ray.density;
+  to.light_ratio() = 0;
   return true;
 }
 
@@ -84,27 +101,36 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
     next().origin = ray_start(p.p, offset, p.ng, s.direction);
     return;
   }
+  const bool first = s.vertex == 0, caustics = tracer.light_paths_ == LightPaths::caustics;
   const std::uint32_t vertices = s.vertex + 1u;  // with this one
-  if (vertices > job.emission_vertex) return end();
   // What has a medium inside is for paths from the camera only, which weigh it so.
   if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, Footprint{}, inside)) return end();
   Bsdf bsdf = tracer.shading_->lobes(material, p, Footprint{});
-  if (bsdf.empty() || (s.vertex == 0 && !has_specular(bsdf))) return end();
+  if (bsdf.empty() || (first && caustics && !has_specular(bsdf))) return end();
   const Vec3 wo = -s.direction;
   const auto numbers = SampleSequence(job.sequence, job.seed, s.pixel, s.sample).get_pairs(kLightNumbers + vertices);
-  const bool may_connect = s.vertex > 0 && bsdf.has_smooth();
+  const bool may_connect = !first && bsdf.has_smooth();
   if (may_connect && numbers[kLightChoice].x < kConnect) {
     connect(bsdf, p, offset, numbers);
     return end();
   }
   bsdf.finish(wo);
   BsdfSample sample;
-  if (vertices >= job.emission_vertex || !bsdf.sample(wo, numbers[kLobeAndRoulette].x, numbers[kDirection], sample)) return end();
-  if (s.vertex == 0 && !sample.specular) return end();
+  if (!bsdf.sample(wo, numbers[kLobeAndRoulette].x, numbers[kDirection], sample)) return end();
+  if (first && caustics && !sample.specular) return end();
+  const bool scattered = first ? !sample.specular : (s.flags & kLightScattered) != 0;
+  if (vertices >= (scattered ? job.light_vertices : job.emission_vertex)) return end();
+  LightRay light_before;
+  float emission = 0;
+  if (first) {
+    if (!light_ray(light_before)) return end();
+    emission = tracer.lights_->emission(light_before.emitter, wo, glm::length(light_before.origin - p.p));
+  }
   Rgb change;
-  float ratio = s.light_ratio();
+  float ratio = s.light_ratio(), sampled = s.previous_pdf;
   if (sample.specular) {
     change = sample.weight * flux_factor(bsdf, wo, sample);
+    if (first) ratio = light_before.found ? emission : kInfinity;
   } else {
     // The other way round, as a path from the camera meets the surface.
     Bsdf seen(bsdf);
@@ -114,7 +140,15 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
     const float bends = std::fabs(glm::dot(p.ng, sample.wi)) / std::fabs(glm::dot(p.ng, wo));
     if (!(pdf > 0.f)) return end();
     change = f * (bends / sample.pdf);
-    ratio *= sample.pdf * (1.f - kConnect) / (bends * pdf);
+    if (first) {
+      // As in direct().
+      const Vec3 side = lit_side<float>(seen, p.ns, p.ng, sample.wi);
+      const float by_sample = tracer.lights_->pdf_of(light_before, ray_start(p.p, offset, p.ng, is_black(side) ? sample.wi : side), side);
+      ratio = emission * sample.pdf / (bends * (light_before.found ? pdf : by_sample));
+      sampled = light_before.found ? (by_sample / pdf) * (by_sample / pdf) : 0.f;
+    } else {
+      ratio *= sample.pdf * (1.f - kConnect) / (bends * pdf);
+    }
   }
   if (may_connect) change /= 1.f - kConnect;
   const float survive = std::min(1.f, max_component(change));
@@ -129,7 +163,9 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
   to.direction = sample.wi;
   to.throughput = throughput;
   to.light_ratio() = ratio;
+  to.previous_pdf = sampled;
   ++to.vertex;
+  if (first && scattered) to.flags |= kLightScattered;
   if (!sample.specular) to.flags = static_cast<std::uint16_t>((to.flags & ~kSpecularBounce) | kAnyNonSpecular);
 }
 
@@ -161,6 +197,7 @@ float PathTracer::Shader::choose_pixel(const Vec2& film, float u, std::uint32_t&
 
 void PathTracer::Shader::connect(Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const SampleSequence::Pairs& numbers) {
   const PathSegment& s = *path;
+  if (s.vertex + 1u > (s.flags & kLightScattered ? tracer.job_.light_vertices : tracer.job_.emission_vertex)) return;
   CameraView view;
   if (!tracer.camera_->view(p.p, numbers[kLightPoint], view)) return;
   std::uint32_t pixel = 0;
@@ -174,7 +211,8 @@ void PathTracer::Shader::connect(Bsdf& bsdf, const SurfacePoint& p, const Vec3& 
   const float bends = std::fabs(glm::dot(p.ng, wo)) / std::fabs(glm::dot(p.ng, wi));
   const float share = view.density / tracer.film_pixels_;  // of the film, in pictures of a pixel each
   const float ratio = s.light_ratio() * kConnect / (bends * pdf * share);
-  const Rgb light = s.throughput * f * (bends * share * filter * (1.f - camera_weight(ratio)) / kConnect);
+  const float weight = ratio > 0.f ? 1.f / (1.f + (1.f + s.previous_pdf) / ratio / ratio) : 0.f;
+  const Rgb light = s.throughput * f * (bends * share * filter * weight / kConnect);
   if (is_black(light)) return;
   // No limit of the film for single samples holds here: by its density a path stands for many.
   if (!is_finite(light)) {

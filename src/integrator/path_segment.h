@@ -30,6 +30,7 @@ enum SegmentFlag : std::uint16_t {
   kSurfaceTold = 512,
   // In jobs with light paths: the sample's path has ended at the camera's side and goes on from a light (light_paths.cpp).
   kLightPath = 1024,
+  kLightScattered = 2048,  // its light came to a surface that scattered it by a lobe that is not specular
 };
 
 // One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
@@ -57,7 +58,8 @@ struct PathSegment {
   float cone_width = 0, cone_spread = 0;
 
   // In jobs with light paths cone_spread is something else behind the first bounce that was not specular, and on paths from
-  // lights: how many times likelier a path from a light is to be this path than one from the camera, as far as it is known.
+  // lights: how many times likelier a path from a light is to be this path than one from the camera, as far as it is known. And
+  // on paths from lights previous_pdf is the square of how many times likelier a light sample is than one from the camera.
   bool has_light_ratio() const { return (flags & (kAnyNonSpecular | kLightPath)) != 0; }
   float& light_ratio() { return cone_spread; }
   float light_ratio() const { return cone_spread; }

@@ -93,7 +93,8 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
                           film_diagonal(manifest.scene.film));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
   film_pixels_ = static_cast<float>(job.film.frame.pixels());
-  light_paths_ = job.light_paths && !lights_->empty() && !even_lobes_ && camera_->views_points();
+  if (!lights_->empty() && !even_lobes_ && camera_->views_points()) light_paths_ = job.light_paths;
+  if (light_paths_ == LightPaths::all) lights_->want_emission();
   if (job.media != MediaTransport::none) build_media(manifest, main_part, warnings);
   if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);
   resident.load_part(PartId{0}, std::move(main_part));

@@ -41,7 +41,7 @@ class PathTracer final : public PathEngine {
   bool has_motion() const override { return motion_; }
   bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const override;
   bool has_negative_lobes() const override { return job_.lobes.sums_per_pixel() > 1; }
-  bool may_splat(std::uint32_t pixel) const override { return light_paths_ && Film::holds(job_.film.frame, pixel); }
+  bool may_splat(std::uint32_t pixel) const override { return light_paths_ != LightPaths::none && Film::holds(job_.film.frame, pixel); }
   std::uint32_t film_width() const override { return job_.film.frame.width; }
 
   const JobSettings& job() const { return job_; }
@@ -106,7 +106,7 @@ class PathTracer final : public PathEngine {
   bool grids_ = false;     // there are bricks to collide with
   std::vector<bool> bounded_;  // by medium: Manifest::bounded_media; empty where there is none
   bool one_channel_ = false;  // a path is of one channel: grids differ between them
-  bool light_paths_ = false;
+  LightPaths light_paths_ = LightPaths::none;
   float film_pixels_ = 0;  // that are rendered
   bool null_surfaces_ = false;  // shadow rays pass surfaces without material: these are all in the main scene
   std::unique_ptr<Camera> camera_;

@@ -19,19 +19,20 @@ constexpr std::int32_t kRouletteFrom = 1;    // vertex after which paths are thi
 // than it saves time: src/README.md, decision 53.
 constexpr float kRouletteScale = 12.f;
 
-// The side whose light matters (see Lights::sample). The geometric normal decides, as in Bsdf: with a shading normal
+}  // namespace
+
+// The geometric normal decides, as in Bsdf: with a shading normal
 // that leans far from it, light from below the shading horizon is reflected too, and light along the surface strongly:
 // then no side is preferred.
 template <class F>
-Vec3Of<F> lit_side(const BsdfOf<F>& bsdf, const Vec3Of<F>& ns, const Vec3Of<F>& ng, const Vec3Of<F>& wo) {
+Vec3Of<F> PathTracer::Shader::lit_side(const BsdfOf<F>& bsdf, const Vec3Of<F>& ns, const Vec3Of<F>& ng, const Vec3Of<F>& wo) {
   const Vec3Of<F> none(F(0.f));
   for (int i = 0; i < bsdf.lobe_count(); ++i)
     if (bsdf.lobe(i).transmits || bsdf.lobe(i).kind == LobeKind::microfacet_dielectric) return none;
   const Vec3Of<F> side = lanes::select(glm::dot(ng, wo) < 0.f, -ng, ng);
   return lanes::select(lanes::abs(glm::dot(ns, ng)) < 0.5f, none, side);
 }
-
-}  // namespace
+template Vec3 PathTracer::Shader::lit_side<float>(const Bsdf&, const Vec3&, const Vec3&, const Vec3&);
 
 SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material,
                                          std::uint32_t& light, bool derivatives) const {
@@ -100,7 +101,7 @@ Footprint PathTracer::Shader::footprint(const SurfacePoint& p, float t) const {
 
 void PathTracer::Shader::end() {
   const PathSegment& s = *path;
-  if (tracer.light_paths_ && !(s.flags & kLightPath) && !(end_flags & kEndInvalid) && begin_light_path()) return;
+  if (tracer.light_paths_ != LightPaths::none && !(s.flags & kLightPath) && !(end_flags & kEndInvalid) && begin_light_path()) return;
   if (tracer.job_.features) {
     if (!(s.flags & kHitTold)) end_flags |= kEndWithoutHit;
     if (!(s.flags & kSurfaceTold)) end_flags |= kEndWithoutSurface;
@@ -144,11 +145,20 @@ template Vec3x8 PathTracer::Shader::escaped<Float8>(Mask8, const EscapeOf<Float8
 
 void PathTracer::Shader::escape() {
   const PathSegment& s = *path;
-  if (finds_infinite(s) && shares_with_lights(s))
-    add(s.throughput * tracer.lights_->escaped(s.direction, s.light_ratio() * kConnect));
-  else if (finds_infinite(s))
+  if (finds_infinite(s) && shares_with_lights(s)) {
+    float weight = 1, pdf;
+    Rgb radiance;
+    if (s.flags & kSpecularBounce) {
+      radiance = tracer.lights_->escaped(s.direction);
+    } else {
+      radiance = tracer.lights_->escaped(s.scattered_at(), s.previous_normal, s.direction, pdf);
+      weight = power_weight(s.previous_pdf, pdf);
+    }
+    add(s.throughput * radiance * shared_weight(s, weight, tracer.lights_->infinite_emission(s.direction)));
+  } else if (finds_infinite(s)) {
     add(escaped<float>(true, {s.direction, s.throughput, s.scattered_at(), s.previous_normal, s.previous_pdf},
                        !(s.flags & kSpecularBounce)));
+  }
   end();
 }
 
@@ -180,7 +190,8 @@ void PathTracer::Shader::direct(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatter
   const Vec3Of<F> f = bsdf.eval_cos(v.wo, sample.wi, pdf);
   arrives = arrives && !lanes::is_black(f);
   if (tracer.even_lobes_) pdf = bsdf.even_pdf(v.wo, sample.wi);
-  const F weight = lanes::select(sample.delta, F(1.f), power_weight<F>(sample.weight_pdf, pdf));
+  F weight = lanes::select(sample.delta, F(1.f), power_weight<F>(sample.weight_pdf, pdf));
+  if (tracer.light_paths_ == LightPaths::all) weight = with_light_paths(weight, sample_ratio(bsdf, v, sample));
   v.asks = arrives;
   v.light_origin = ray_start(v.p, v.offset, v.ng, sample.wi);
   v.light_direction = sample.wi;
@@ -222,7 +233,7 @@ void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatte
   v.origin = ray_start(v.p, v.offset, v.ng, sample.wi);
   v.direction = sample.wi;
   v.pdf = tracer.even_lobes_ ? bsdf.even_pdf(v.wo, sample.wi) : sample.pdf;
-  if (tracer.light_paths_) v.ratio = light_ratio_behind(bsdf, v, sample);
+  if (tracer.light_paths_ != LightPaths::none) v.ratio = light_ratio_behind(bsdf, v, sample);
 }
 template void PathTracer::Shader::direct<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::thin_out<float>(ScatterOf<float>&) const;
@@ -289,15 +300,13 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   if (light != kNone) {
     const Rgb radiance = tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive);
     if (!is_black(radiance)) {
+      const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive) : 0.f;
       if (s.flags & kSpecularBounce) {
-        if (s.vertex <= job.emission_vertex) {
-          const float density = shares_with_lights(s) ? tracer.lights_->emission_density(light, p.ng, hit.primitive) : 0.f;
-          add(s.throughput * radiance * camera_weight(s.light_ratio() * kConnect * density));
-        }
+        if (s.vertex <= job.emission_vertex) add(s.throughput * radiance * shared_weight(s, 1.f, emission));
       } else {
         const float way = hit.t + std::max(0.f, -s.cone_width);
         const float pdf = tracer.lights_->emitted_pdf(light, s.scattered_at(), s.previous_normal, s.direction, way, p.p, p.ng, hit.primitive);
-        add(s.throughput * radiance * power_weight(s.previous_pdf, pdf));
+        add(s.throughput * radiance * shared_weight(s, power_weight(s.previous_pdf, pdf), emission));
       }
     }
   }

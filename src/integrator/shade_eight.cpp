@@ -191,7 +191,7 @@ void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segme
     sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample);
     vertices[lane] = s.vertex;
     v.vertex[lane] = s.vertex;
-    if (tracer.light_paths_) lanes::put(v.ratio, lane, tracer.light_ratio(s, batch_.hits[segments[lane]].t));
+    if (tracer.light_paths_ != LightPaths::none) lanes::put(v.ratio, lane, tracer.light_ratio(s, batch_.hits[segments[lane]].t));
   }
   // A segment's direction and throughput lie side by side.
   static_assert(offsetof(PathSegment, throughput) == offsetof(PathSegment, direction) + sizeof(Vec3));

@@ -23,6 +23,13 @@ F power_weight(F a, F b) {
   return lanes::select(a > 0.f, 1.f / (1.f + ratio * ratio), F(0.f));
 }
 
+// Of a weight by the power heuristic, with one more technique that is `ratio` times as likely.
+template <class F>
+F with_light_paths(F weight, F ratio) {
+  const F r = lanes::min(ratio, F(1e18f));
+  return weight / (1.f + weight * r * r);
+}
+
 // Shadow rays stop a little (relative) before the light's surface.
 template <class F>
 F shadow_length(F distance) {
@@ -242,10 +249,15 @@ struct PathTracer::Shader {
     return tracer.lights_->has_infinite() && tracer.job_.integrator != IntegratorKind::ambient_occlusion &&
            (!(s.flags & kSpecularBounce) || s.vertex <= tracer.job_.emission_vertex);
   }
-  // Whether light that the path finds comes by paths from lights as well.
+  // Whether light that the path finds comes by paths from lights as well: not what the camera sees lit directly.
   bool shares_with_lights(const PathSegment& s) const {
-    constexpr std::uint16_t kBoth = kSpecularBounce | kAnyNonSpecular;
-    return tracer.light_paths_ && (s.flags & kBoth) == kBoth;
+    if (tracer.light_paths_ == LightPaths::none || !(s.flags & kAnyNonSpecular)) return false;
+    return (s.flags & kSpecularBounce) || (tracer.light_paths_ == LightPaths::all && s.vertex >= 2);
+  }
+  // The path's weight against light samples, and then against paths from lights too. `emission`: see Lights.
+  float shared_weight(const PathSegment& s, float weight, float emission) const {
+    return shares_with_lights(s) ? with_light_paths(weight, s.light_ratio() * emission * (s.flags & kSpecularBounce ? kConnect : kConnect / (1.f - kConnect)))
+                                 : weight;
   }
   // The light of the infinite lights that escaped paths find, weighted against samples of these lights where the paths have
   // scattered; without `weighted` only direction and throughput are read.
@@ -254,9 +266,16 @@ struct PathTracer::Shader {
   // Ends the path under work, or of a sample that has not had one begins its path from a light.
   void end();
   bool begin_light_path();  // light_paths.cpp; false: no light wants it
+  bool light_ray(LightRay& ray) const;  // that the sample's path from a light begins with
   void light_vertex(const Hit& hit);
   void connect(Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const SampleSequence::Pairs& numbers);
   float choose_pixel(const Vec2& film, float u, std::uint32_t& pixel) const;
+  // The side of a vertex whose light matters (see Lights::sample).
+  template <class F>
+  static Vec3Of<F> lit_side(const BsdfOf<F>& bsdf, const Vec3Of<F>& ns, const Vec3Of<F>& ng, const Vec3Of<F>& wo);
+  // How many times likelier a path from the light is than its sample, at a vertex to which the path brings v.ratio.
+  template <class F>
+  F sample_ratio(const BsdfOf<F>& bsdf, const ScatterOf<F>& v, const LightSampleOf<F>& sample) const;
   // Where a path goes on from a vertex: v.ratio is what it brings there.
   template <class F>
   F light_ratio_behind(const BsdfOf<F>& bsdf, const ScatterOf<F>& v, const BsdfSampleOf<F>& sample) const;

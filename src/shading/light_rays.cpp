@@ -51,6 +51,22 @@ LightRays::LightRays(const EmitterRecords& records, const Bounds3& scene)
   const auto mean = static_cast<float>(sum / static_cast<double>(chances.size()));
   for (float& c : chances) c += mean;
   choice_ = Distribution1D(chances);
+  const float disk = kPi * radius_ * radius_;
+  infinite_emitters_.resize(records.infinite.size());
+  for (std::uint32_t i = 0; i < records.emitters.size(); ++i) {
+    const Emitter& e = records.emitters[i];
+    const float chance = choice_.cell_probability(i), sides = e.two_sided ? 2.f : 1.f;
+    if (e.kind == EmitterKind::infinite) infinite_emitters_[e.index] = i;
+    even_.push_back(is_shape(e.kind) ? chance / (kPi * sides * area(e))
+                    : e.kind == EmitterKind::distant || e.kind == EmitterKind::infinite ? chance / disk
+                                                                                        : chance / (2 * kPi * one_minus_cos(e, records_.spots)));
+    if (!(even_.back() < kInfinity)) even_.back() = 0;
+  }
+}
+
+float LightRays::area(const Emitter& e) const {
+  const bool flat = e.kind == EmitterKind::triangle || e.kind == EmitterKind::parallelogram;
+  return flat ? 1.f / e.area_pdf : surface_area(records_.quadrics[e.index].quadric);
 }
 
 float LightRays::power(const Emitter& e) const {
@@ -65,11 +81,8 @@ float LightRays::power(const Emitter& e) const {
       return kPi * radius_ * radius_ * strength;
     case EmitterKind::infinite:
       return 4 * kPi * kPi * radius_ * radius_ * average(records_.infinite[e.index].mean());
-    case EmitterKind::triangle:
-    case EmitterKind::parallelogram:
-      return kPi * strength / e.area_pdf * (e.two_sided ? 2.f : 1.f);
     default:
-      return kPi * strength * surface_area(records_.quadrics[e.index].quadric) * (e.two_sided ? 2.f : 1.f);
+      return kPi * strength * area(e) * (e.two_sided ? 2.f : 1.f);
   }
 }
 
@@ -84,10 +97,9 @@ bool LightRays::emit(float u_light, const Vec2& u_point, const Vec2& u_direction
                         ? emit_from_outside(e, u_point, u_direction, out)
                         : emit_from_point(e, u_direction, out);
   if (!made) return false;
-  const float chance = choice_.cell_probability(number);
-  out.weight /= chance;
-  out.density *= chance;
-  if (e.invisible) out.density = kInfinity;
+  out.weight /= choice_.cell_probability(number);
+  out.emitter = static_cast<std::uint32_t>(number);
+  out.found = (is_shape(e.kind) || e.kind == EmitterKind::infinite) && !e.invisible;
   return !is_black(out.weight) && is_finite(out.weight);
 }
 
@@ -116,7 +128,7 @@ bool LightRays::emit_from_shape(const Emitter& e, const Vec2& u_point, const Vec
   const Vec3 size = glm::abs(p) + glm::abs(e.position) + glm::abs(e.edge0) + glm::abs(e.edge1);
   out.origin = ray_start(p, ray_offset(p, size * kError, n), n, out.direction);
   out.weight = e.radiance * (kPi * sides / area_pdf);
-  out.density = area_pdf / (kPi * sides);
+  out.normal = n;
   return true;
 }
 
@@ -135,7 +147,6 @@ bool LightRays::emit_from_point(const Emitter& e, const Vec2& u_direction, Light
     seen.radiance = e.radiance;
   }
   out.weight = seen.radiance * (2 * kPi * spread);
-  out.density = kInfinity;
   return true;
 }
 
@@ -147,10 +158,8 @@ bool LightRays::emit_from_outside(const Emitter& e, const Vec2& u_point, const V
     Rgb radiance;
     if (!records_.infinite[e.index].sample<float>(true, Vec3(0.f), u_direction, towards, pdf, radiance) || !(pdf > 0.f)) return false;
     out.weight = radiance * (disk / pdf);
-    out.density = pdf / disk;
   } else {
     out.weight = e.radiance * disk;
-    out.density = kInfinity;
   }
   const Vec2 at = radius_ * sample_disk<float>(u_point);
   const Frame frame(towards);
@@ -159,21 +168,21 @@ bool LightRays::emit_from_outside(const Emitter& e, const Vec2& u_point, const V
   return true;
 }
 
-float LightRays::density(std::uint32_t emitter, const Vec3& ng) const {
+float LightRays::emission(std::uint32_t emitter, const Vec3& wi, float distance) const {
   if (choice_.size() == 0) return 0.f;
   const Emitter& e = records_.emitters[emitter];
-  if (!is_shape(e.kind) || e.invisible) return 0.f;
-  const bool flat = e.kind == EmitterKind::triangle || e.kind == EmitterKind::parallelogram;
-  const float area = flat ? e.area_pdf : area_pdf(records_.quadrics[e.index].quadric, ng);
-  return area > 0.f && area < kInfinity ? choice_.cell_probability(emitter) * area / (e.two_sided ? 2 * kPi : kPi) : 0.f;
+  if (e.kind == EmitterKind::infinite) return infinite_emission(wi);
+  return is_shape(e.kind) || e.kind == EmitterKind::distant ? even_[emitter] : even_[emitter] / (distance * distance);
 }
 
-Rgb LightRays::escaped(std::uint32_t number, std::uint32_t emitter, const Vec3& direction, float light_ratio) const {
-  float pdf;
-  const Rgb radiance = records_.infinite[number].radiance_and_pdf<float>(true, Vec3(0.f), direction, pdf);
-  if (choice_.size() == 0) return radiance;
-  const float ratio = light_ratio * choice_.cell_probability(emitter) * pdf / (kPi * radius_ * radius_);
-  return radiance * camera_weight(ratio);
+float LightRays::infinite_emission(const Vec3& direction) const {
+  float sum = 0;
+  for (std::size_t i = 0; i < infinite_emitters_.size(); ++i) {
+    float pdf;
+    (void)records_.infinite[i].radiance_and_pdf<float>(true, Vec3(0.f), direction, pdf);
+    sum += even_[infinite_emitters_[i]] * pdf;
+  }
+  return sum;
 }
 
 }  // namespace cloudrenderer

@@ -1,6 +1,7 @@
 #pragma once
 // Rays that leave the lights of a scene. Private to the lights.
 #include <span>
+#include <vector>
 
 #include "shading/light_infinite.h"
 #include "shading/light_map.h"
@@ -23,16 +24,15 @@ class LightRays {
  public:
   LightRays() = default;
   LightRays(const EmitterRecords& records, const Bounds3& scene);
-  // See Lights::emit.
+  // See Lights.
   bool emit(float u_light, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;
-  // LightRay::density of an emissive shape where its normal is ng, either side; 0: rays do not begin there.
-  float density(std::uint32_t emitter, const Vec3& ng) const;
-  // The radiance of infinite light `number`, which is emitter `emitter`, but for the share of paths from lights.
-  Rgb escaped(std::uint32_t number, std::uint32_t emitter, const Vec3& direction, float light_ratio) const;
-  std::uint64_t bytes() const { return choice_.bytes(); }
+  float emission(std::uint32_t emitter, const Vec3& wi, float distance) const;
+  float infinite_emission(const Vec3& direction) const;
+  std::uint64_t bytes() const { return choice_.bytes() + even_.size() * sizeof(float); }
 
  private:
   float power(const Emitter& e) const;
+  float area(const Emitter& e) const;  // of a shape
   bool emit_from_shape(const Emitter& e, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;
   bool emit_from_point(const Emitter& e, const Vec2& u_direction, LightRay& out) const;
   bool emit_from_outside(const Emitter& e, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;
@@ -41,6 +41,8 @@ class LightRays {
   Vec3 center_{};
   float radius_ = 0;
   Distribution1D choice_;
+  std::vector<float> even_;  // of each emitter: what of its emission does not depend on the ray
+  std::vector<std::uint32_t> infinite_emitters_;
 };
 
 }  // namespace cloudrenderer

@@ -3,6 +3,8 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "shading/light_choice.h"
 #include "shading/lights.h"
@@ -40,6 +42,15 @@ struct Emitter {
   float radius2 = 0;        // of the sphere
 };
 
+// What an AreaLightSource says.
+struct Emission {
+  Rgb radiance{0};
+  bool two_sided = false;
+  float power = 0;      // pbrt-v4: of each primitive, which shines by radiance * power / (pi * its area * its sides)
+  bool patches = false;  // two triangles are one of them
+  bool invisible = false;  // pbrt-v4: its alpha is 0 everywhere
+};
+
 struct SpotCone {
   glm::mat3 world_to_light{1.f};
   float cos_total = 0,
@@ -67,6 +78,10 @@ F solid_angle_pdf(float area_pdf, F distance2, F cosine) {
 // The parameter `name` times "scale": finite, or SceneError, and not negative. RGB of a narrow band of wavelengths can be;
 // such channels are 0, with a warning.
 Rgb light_color(const ParamSet& params, const char* name, const FileLocation& where, Warnings& warnings);
+
+// Of each emissive shape. Looks up all parameters of every AreaLightSource; without `read_maps` pictures are only opened.
+std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights, Warnings& warnings,
+                                     bool read_maps);
 
 struct EmitterAndBounds {
   Emitter emitter;

@@ -15,21 +15,14 @@
 namespace cloudrenderer {
 namespace {
 
-// What an AreaLightSource says.
-struct Emission {
-  Rgb radiance{0};
-  bool two_sided = false;
-  float power = 0;      // pbrt-v4: of each primitive, which shines by radiance * power / (pi * its area * its sides)
-  bool patches = false;  // two triangles are one of them
-  bool invisible = false;  // pbrt-v4: its alpha is 0 everywhere
-};
-
 class SceneLights final : public Lights {
  public:
   SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
               const Part& part, const Bounds3& bounds, Warnings& warnings, bool read_maps) {
     for (const LightDesc& desc : scene.lights) add_light(desc, warnings, read_maps);
-    add_emissions(scene, shape_lights, warnings, read_maps);
+    emissions_ = read_emissions(scene, shape_lights, warnings, read_maps);
+    emits_ = std::ranges::any_of(emissions_, [](const Emission& e) { return !is_black(e.radiance); });
+    ranges_.resize(emissions_.size());
     add_shapes(part, scene.dialect);
     choice_ = LightChoice(bounds_);
     rays_ = LightRays({emitters_, spots_, maps_, quadrics_, infinite_}, bounds);
@@ -85,6 +78,7 @@ class SceneLights final : public Lights {
       out.radiance = lanes::select(asking, own.radiance, out.radiance);
       out.pdf = lanes::select(asking, own.pdf, out.pdf);
       out.weight_pdf = lanes::select(asking, own.weight_pdf, out.weight_pdf);
+      out.emission = lanes::select(asking, own.emission, out.emission);
       out.delta = lanes::select(asking, own.delta, out.delta);
     }
     return found;
@@ -111,25 +105,7 @@ class SceneLights final : public Lights {
     const std::uint32_t number = emitter_of(light, primitive);
     if (number == kNone) return 0.f;
     const Emitter& e = emitters_[number];
-    float pdf = 0;
-    switch (e.kind) {
-      case EmitterKind::sphere:
-        pdf = sphere_pdf(e, p);
-        break;
-      case EmitterKind::triangle:
-      case EmitterKind::parallelogram:
-      case EmitterKind::disk:
-        pdf = flat_pdf(e, direction, t);
-        break;
-      case EmitterKind::sphere_part:
-        pdf = sphere_part_pdf(quadrics_[e.index], p, direction);
-        break;
-      case EmitterKind::quadric:
-        pdf = quadric_pdf(quadrics_[e.index], direction, t, hit_ng);
-        break;
-      default:
-        return 0.f;
-    }
+    float pdf = shape_pdf(e, p, direction, t, hit_ng);
     if (!is_v2_disk(e)) pdf *= choice_.chance(number, p, n);
     return pdf < kInfinity ? pdf : 0.f;
   }
@@ -137,14 +113,24 @@ class SceneLights final : public Lights {
   bool emit(float u_light, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const override {
     return rays_.emit(u_light, u_point, u_direction, out);
   }
-  float emission_density(std::uint32_t light, const Vec3& ng, std::uint32_t primitive) const override {
+  void want_emission() override { wants_emission_ = true; }
+  float emission(std::uint32_t emitter, const Vec3& wi, float distance) const override { return rays_.emission(emitter, wi, distance); }
+  float shape_emission(std::uint32_t light, std::uint32_t primitive) const override {
     const std::uint32_t number = emitter_of(light, primitive);
-    return number == kNone ? 0.f : rays_.density(number, ng);
+    return number == kNone || emitters_[number].invisible ? 0.f : rays_.emission(number, Vec3(0.f), 1.f);
   }
-  Rgb escaped(const Vec3& direction, float light_ratio) const override {
-    Rgb sum(0.f);
-    for (std::uint32_t i = 0; i < infinite_.size(); ++i) sum += rays_.escaped(i, infinite_emitters_[i], direction, light_ratio);
-    return sum;
+  float infinite_emission(const Vec3& direction) const override { return rays_.infinite_emission(direction); }
+  float pdf_of(const LightRay& ray, const Vec3& p, const Vec3& n) const override {
+    const Emitter& e = emitters_[ray.emitter];
+    float pdf = 1;
+    if (e.kind == EmitterKind::infinite) {
+      (void)all_infinite<float>(true, p, n, -ray.direction, pdf);
+      return pdf;
+    }
+    const Vec3 way = ray.origin - p;
+    const float distance = glm::length(way);
+    if (e.kind >= EmitterKind::triangle) pdf = shape_pdf(e, p, way / distance, distance, ray.normal);
+    return pdf * choice_.chance(ray.emitter, p, n);
   }
 
  private:
@@ -152,6 +138,23 @@ class SceneLights final : public Lights {
     std::uint32_t first = 0, count = 0;  // in by_primitive_
   };
 
+  // By solid angle, of a point of e seen from p; its normal is ng.
+  float shape_pdf(const Emitter& e, const Vec3& p, const Vec3& direction, float t, const Vec3& ng) const {
+    switch (e.kind) {
+      case EmitterKind::sphere:
+        return sphere_pdf(e, p);
+      case EmitterKind::triangle:
+      case EmitterKind::parallelogram:
+      case EmitterKind::disk:
+        return flat_pdf(e, direction, t);
+      case EmitterKind::sphere_part:
+        return sphere_part_pdf(quadrics_[e.index], p, direction);
+      case EmitterKind::quadric:
+        return quadric_pdf(quadrics_[e.index], direction, t, ng);
+      default:
+        return 0.f;
+    }
+  }
   // Of a primitive of the emissive shape `light`; kNone: it cannot be sampled.
   std::uint32_t emitter_of(std::uint32_t light, std::uint32_t primitive) const {
     const PrimitiveRange& range = ranges_[light];
@@ -206,6 +209,10 @@ class SceneLights final : public Lights {
       out.radiance = all_infinite<F>(found, p, n, out.wi, out.pdf);
     out.weight_pdf = is_v2_disk(e) ? own_pdf : out.pdf;
     if (e.invisible) out.delta = MaskOf<F>(true);
+    if (wants_emission_)
+      lanes::for_each(found, [&](std::size_t i) {
+        lanes::put(out.emission, i, rays_.emission(static_cast<std::uint32_t>(number), lanes::get(out.wi, i), lanes::get(out.distance, i)));
+      });
     return found && out.pdf > 0.f && out.pdf < kInfinity;
   }
 
@@ -275,6 +282,7 @@ class SceneLights final : public Lights {
       lanes::put(out.radiance, i, one.radiance);
       lanes::put(out.pdf, i, one.pdf);
       lanes::put(out.weight_pdf, i, one.weight_pdf);
+      lanes::put(out.emission, i, one.emission);
       if (one.delta) out.delta = out.delta || lanes::from_mask_bits(1u << i);
     });
     return lanes::from_mask_bits(found);
@@ -326,36 +334,6 @@ class SceneLights final : public Lights {
     }
     if (made) add(*made);
     desc.params.report_unused("LightSource \"" + desc.type + "\"", warnings);
-  }
-
-  void add_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
-                     Warnings& warnings, bool read_maps) {
-    std::vector<Emission> sources;
-    for (const Entity& desc : scene.area_lights) {
-      Emission e;
-      if (desc.type == "diffuse" || desc.type == "area") {
-        e.radiance = light_color(desc.params, "L", desc.location, warnings);
-        if (const std::string path = desc.params.string("filename", ""); !path.empty())
-          e.radiance *= mean(read_light_map(path, Rgb(1.f), read_maps, desc.location,
-                                               "the light is even", warnings));
-        e.power = std::max(0.f, desc.params.real("power", 0.f));
-        e.patches = desc.params.boolean("patches", false);
-        e.invisible = desc.params.boolean("invisible", false);
-        if (!is_finite(e.radiance) || !(e.power < kInfinity))
-          throw SceneError{desc.location, "the light's radiance must be finite"};
-        if (scene.dialect == Dialect::v3) e.two_sided = desc.params.boolean("twosided", false);
-        desc.params.report_unused("AreaLightSource \"" + desc.type + "\"", warnings);
-      } else {
-        warnings.add(desc.location,
-                     "area light \"" + desc.type + "\" is unknown and does not shine");
-      }
-      sources.push_back(e);
-    }
-    for (const AreaLightId id : shape_lights) {
-      emissions_.push_back(id.value < sources.size() ? sources[id.value] : Emission{});
-      emits_ = emits_ || !is_black(emissions_.back().radiance);
-    }
-    ranges_.resize(emissions_.size());
   }
 
   void add_shapes(const Part& part, Dialect dialect) {
@@ -482,6 +460,7 @@ class SceneLights final : public Lights {
   std::vector<PrimitiveRange> ranges_;  // of each emissive shape
   std::vector<std::uint32_t> by_primitive_;
   std::vector<float> powers_;  // like by_primitive_; empty without a light that has a power
+  bool wants_emission_ = false;
   bool emits_ = false;  // some shape shines, whether or not it can be sampled
 };
 

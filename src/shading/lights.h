@@ -21,6 +21,7 @@ struct LightSampleOf {
   // By solid angle: what weighs against the BSDF's density. As pdf, but for disks of pbrt-v2.
   F weight_pdf = 0;
   MaskOf<F> delta{false};
+  F emission = 0;  // Lights::emission of it, after want_emission()
 };
 using LightSample = LightSampleOf<float>;
 using LightSample8 = LightSampleOf<Float8>;
@@ -29,13 +30,10 @@ using LightSample8 = LightSampleOf<Float8>;
 struct LightRay {
   Vec3 origin, direction;  // unit
   Rgb weight{0};  // the light's power on it, over the density of the choice
-  // Of the light, times that of the point by area, times that of the direction by solid angle over the cosine; from outside:
-  // of the direction, and of the point by area across it. Infinite: no ray finds the light.
-  float density = 0;
+  Vec3 normal{};  // of a shape's surface, on the side that it leaves
+  std::uint32_t emitter = 0;
+  bool found = false;  // rays can find the light, too
 };
-// The weight of a path from the camera that a path from a light is `ratio` times as likely to be; one minus it is that of
-// the path from a light (the power heuristic, Veach 1995). Of no number: 1.
-inline float camera_weight(float ratio) { return ratio > 0.f ? 1.f / (1.f + ratio * ratio) : 1.f; }
 
 // All lights of a scene, and how one is chosen at a point. Built from the description and the main
 // scene's emissive shapes; immutable, any thread. Lights are numbered: infinite and delta lights,
@@ -91,12 +89,22 @@ class Lights {
                             const Vec3& direction, float t, const Vec3& hit_point,
                             const Vec3& hit_ng, std::uint32_t primitive) const = 0;
 
+  // Rays that leave lights. What weighs them against the other ways to find light is their emission: the chance of the light
+  // times, of a shape, the density of the point by area and that of the direction by solid angle over the cosine; of light
+  // from outside, that of the direction, and of the point by area across it; of a point, that of the direction over the
+  // squared distance. (Shapes that a transformation distorts count as even: it is for weights only.)
+  // Samples tell their emission from now on. Before the first one.
+  virtual void want_emission() = 0;
   // A ray out of a light of the scene. False: none, by these numbers.
   virtual bool emit(float u_light, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const = 0;
-  // LightRay::density of what emit() has at a point of the emissive shape `light` with the normal ng; 0: nothing.
-  virtual float emission_density(std::uint32_t light, const Vec3& ng, std::uint32_t primitive) const = 0;
-  // As escaped(direction), with camera_weight(light_ratio * LightRay::density) for each light.
-  virtual Rgb escaped(const Vec3& direction, float light_ratio) const = 0;
+  // wi, distance: to the light's point.
+  virtual float emission(std::uint32_t emitter, const Vec3& wi, float distance) const = 0;
+  // Of a point of the emissive shape `light`; 0: no rays leave it.
+  virtual float shape_emission(std::uint32_t light, std::uint32_t primitive) const = 0;
+  // Of all infinite lights.
+  virtual float infinite_emission(const Vec3& direction) const = 0;
+  // What sample(p, n) has for the point of a ray that has left a light.
+  virtual float pdf_of(const LightRay& ray, const Vec3& p, const Vec3& n) const = 0;
 };
 
 }  // namespace cloudrenderer

@@ -17,7 +17,7 @@ constexpr std::uint32_t kVersion = 3, kTileMark = 0x656c6974, kGoalMark = 0x6c61
 constexpr std::size_t kRecordHeaderBytes = 16, kBodyHeaderBytes = 40;
 constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
-constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4;
+constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4;  // and twice that: LightPaths
 constexpr std::size_t kSplatBytes = 4 + 6 * 16;
 constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
@@ -81,6 +81,11 @@ std::array<std::uint32_t, 2> counts_of(std::span<const SampleRange> samples) {
   return n;
 }
 
+const char* name_of(LightPaths paths) {
+  static constexpr std::array<const char*, 3> kNames{"off", "caustics", "all"};
+  return kNames[static_cast<std::size_t>(paths)];
+}
+
 const char* name(IntegratorKind kind) {
   static constexpr std::array<const char*, 3> kNames{"path", "directlighting", "ambientocclusion"};
   return kNames[static_cast<std::size_t>(kind)];
@@ -141,8 +146,7 @@ std::optional<std::string> difference(const CheckpointJob& made, const Checkpoin
     return std::string(made.features ? "layers of what paths see" : "no layers of what paths see") + ", this render has " +
            (now.features ? "some" : "none") + " (--layers)";
   if (made.light_paths != now.light_paths)
-    return std::string(made.light_paths ? "paths from lights" : "no paths from lights") + ", this render has " +
-           (now.light_paths ? "some" : "none") + " (--light-paths)";
+    return differs("paths from lights", name_of(made.light_paths), name_of(now.light_paths)) + " (--light-paths)";
   if (made.negative_lobes != now.negative_lobes) return "samples of the filter's negative lobes summed in another way";
   if (made.split != now.split)
     return differs("split", fmt::format("{:016x}", made.split), fmt::format("{:016x}", now.split)) +
@@ -167,7 +171,7 @@ Bytes encode_header(const CheckpointJob& job) {
   put(out, static_cast<std::uint32_t>(job.ao_cosine));
   put(out, job.ao_distance);
   put(out, job.footprint_spp);
-  put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u) | (job.light_paths ? kJobLightPaths : 0u));
+  put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u) | kJobLightPaths * static_cast<std::uint32_t>(job.light_paths));
   put(out, hash(out));
   static_assert(kCheckpointHeaderBytes == 8 + 2 * 4 + 3 * 8 + 6 * 4 + 10 * 4 + 8);
   return out;
@@ -208,9 +212,9 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   const auto flags = in.take<std::uint32_t>();
   job.features = (flags & kJobFeatures) != 0;
   job.negative_lobes = (flags & kJobNegativeLobes) != 0;
-  job.light_paths = (flags & kJobLightPaths) != 0;
+  job.light_paths = static_cast<LightPaths>(flags / kJobLightPaths % 4);
   if (f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 || f.y0 >= f.y1 ||
-      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || flags > (kJobFeatures | kJobNegativeLobes | kJobLightPaths) ||
+      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || flags / kJobLightPaths > static_cast<std::uint32_t>(LightPaths::all) ||
       integrator > static_cast<std::uint32_t>(IntegratorKind::ambient_occlusion))
     return fail("its header makes no sense");
   job.integrator = static_cast<IntegratorKind>(integrator);
@@ -337,7 +341,7 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
     return std::nullopt;
   const std::uint64_t pixels = std::uint64_t{t.x1 - t.x0} * (t.y1 - t.y0), sums = pixels * (job_.negative_lobes ? 2 : 1);
   const bool counts = (flags & kCounts) != 0;
-  t.light_paths = job_.light_paths;
+  t.light_paths = job_.light_paths != LightPaths::none;
   const std::uint64_t before_splats =
       kBodyHeaderBytes + std::uint64_t{8} * ranges + sums * (6 * width + (counts ? 8 : 0)) + pixels * (job_.features ? kFeatureBytes : 0);
   std::uint32_t splats = 0;

@@ -5,7 +5,7 @@
 // All numbers are little-endian. The header:
 //   8 bytes "crckpt\r\n", u32 version, u32 bytes of the header, u64 split, u64 fingerprint,
 //   u64 seed, u32 width, height, x0, y0, x1, y1, i32 k, u32 tile, u32 integrator, light_vertices,
-//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes; 4: light paths),
+//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes; 4, 8: LightPaths),
 //   u64 XXH3-64 of all that is before it
 // A record:
 //   u32 "tile", u32 bytes of its body, u64 XXH3-64 of the body, seeded with the header's checksum
@@ -54,7 +54,7 @@ struct CheckpointJob {
   std::uint32_t footprint_spp = 0;  // that textures are filtered for: of the first run
   bool features = false;
   bool negative_lobes = false;  // of the filter: samples in them are summed apart
-  bool light_paths = false;
+  LightPaths light_paths = LightPaths::none;
   friend bool operator==(const CheckpointJob&, const CheckpointJob&) = default;
 };
 // Tile and fingerprint are the cluster's, and left out.

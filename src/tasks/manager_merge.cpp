@@ -30,7 +30,7 @@ bool ManagerCore::fits(const wire::RendererReply& r, const RendererRange& range)
 
 // By pixel, each once, and within the film.
 bool ManagerCore::fits(std::span<const Splat> splats) const {
-  if (!job_.start.light_paths()) return splats.empty();
+  if (job_.start.light_paths() == 0) return splats.empty();
   const auto within = [&](const Splat& s) { return Film::holds(job_.frame, s.pixel); };
   const auto not_after = [](const Splat& a, const Splat& b) { return a.pixel >= b.pixel; };
   return std::ranges::all_of(splats, within) && std::ranges::adjacent_find(splats, not_after) == splats.end();
@@ -65,7 +65,7 @@ std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
   const auto ranges = covered_[tile].ranges();
   if (ranges.empty()) return std::nullopt;
   const RendererRange r = tile_range(tile);
-  TileSums t{r.x0, r.y0, r.x1, r.y1, {ranges.begin(), ranges.end()}, 0, 0, bit_exact_, {}, {}, job_.start.light_paths()};
+  TileSums t{r.x0, r.y0, r.x1, r.y1, {ranges.begin(), ranges.end()}, 0, 0, bit_exact_, {}, {}, job_.start.light_paths() != 0};
   const std::uint32_t width = job_.frame.crop_width();
   for (std::uint32_t y = r.y0; y < r.y1; ++y) {
     const std::size_t row = std::size_t{y - job_.frame.y0} * width - job_.frame.x0;
@@ -99,7 +99,7 @@ void ManagerCore::merge(const RendererRange& range, std::span<const PixelSums> s
       if (!features_.empty())
         features_[std::size_t{y - job_.frame.y0} * job_.frame.crop_width() + (x - job_.frame.x0)].merge(*feature++);
     }
-  if (!job_.start.light_paths()) return;
+  if (job_.start.light_paths() == 0) return;
   std::array<std::uint64_t, 2> counted{};
   for (const PixelSums& p : sums)
     for (std::size_t half = 0; half < 2; ++half) counted[half] += p.count[half];
@@ -117,7 +117,7 @@ void ManagerCore::merge(const Outstanding& o, wire::RendererReply& r) {
   cover((range.y0 - f.y0) / tile_ * std::size_t{tiles_x_} + (range.x0 - f.x0) / tile_, samples);
   if (options_.keep_merged)
     merged_.push_back({range.x0, range.y0, range.x1, range.y1, {samples}, r.invalid, r.clamped, bit_exact_,
-                       std::move(r.sums), std::move(r.features), job_.start.light_paths(), std::move(r.splats)});
+                       std::move(r.sums), std::move(r.features), job_.start.light_paths() != 0, std::move(r.splats)});
 }
 
 }  // namespace cloudrenderer

@@ -101,6 +101,7 @@ const char* check(const JobStart& m) {
   if (m.part_count() == 0 || m.part_count() > kMaxParts)
     return "the number of parts is out of range";
   if (m.spp() == 0) return "no samples";
+  if (m.light_paths() > 2) return "paths from lights of no kind";
   if (m.k() < -1000 || m.k() > 1000) return "the fixed point is out of range";
   return m.columns() & ~kAllColumns ? "unknown segment columns" : nullptr;
 }

@@ -111,6 +111,11 @@ wire::Reply with_lobes(wire::Reply reply) {
   return reply;
 }
 
+wire::Reply with_splats(wire::Reply reply) {
+  std::get<wire::RendererReply>(reply.payload).splats = {{3, {{{7, -8, 9}, {0, 1, 2}}}}, {60, {}}};
+  return reply;
+}
+
 std::vector<std::pair<std::string, wire::Message>> messages() {
   wire::Challenge challenge;
   challenge.set_nonce(std::string(32, 'n'));
@@ -155,6 +160,9 @@ std::vector<std::pair<std::string, wire::Message>> messages() {
   wire::PathEnds ends;
   ends.generation = 1;
   ends.batch.ends.resize(3);
+  wire::PathEnds lit = ends;
+  lit.batch.ends[1].target = 9;
+  lit.batch.ends[1].splat = {1 << 20, -2, 3};
   return {{"challenge", challenge},
           {"proof", wire::Proof()},
           {"hello", hello(7)},
@@ -172,6 +180,8 @@ std::vector<std::pair<std::string, wire::Message>> messages() {
           {"tracer-reply", wire::Reply{{1000, 1}, 1, tracer}},
           {"occlusion-reply", wire::Reply{{1000, 2}, 1, occlusion}},
           {"nearest-rays", nearest},
+          {"lit-ends", lit},
+          {"splats-reply", with_splats(renderer_reply({1000, 1}, 1, 32))},
           {"nearest-reply", wire::Reply{{1000, 3}, 1, wire::some_nearest(7)}},
           {"renderer-reply", renderer_reply({1, 2}, 1, 4)},
           {"renderer-reply-lobes", with_lobes(renderer_reply({1, 2}, 1, 4))},

@@ -1,0 +1,82 @@
+#!/usr/bin/python3
+"""What paths from the lights bring and cost: error and processor time of rendering with --light-paths off, caustics and all.
+
+    tools/light_paths_table.py                 scenes/caustics with lamps of a size, and reference scenes where they are there
+    tools/light_paths_table.py a.pbrt b.pbrt   other scenes
+    ... --runs 3                               medians of three seeds
+
+`gain` is how many times less time the same error takes than without, if error times samples stays what it is. Scenes with lamps
+that no path from the camera can find (points) have no error to compare: without paths from lights their caustics are missing.
+The truth is a picture of another seed with all kinds of paths, and many samples.
+"""
+import argparse
+import pathlib
+import re
+import statistics
+import sys
+import tempfile
+
+import measure
+
+KINDS = ("off", "caustics", "all")
+SHARED = ("v3/veach/veach-small.pbrt", "v2/room-path-small.pbrt", "v3/coffee/coffee-small.pbrt", "v3/cornellbox/cornell-small.pbrt",
+          "v2/cornell-mlt.pbrt")
+
+
+def caustics(folder, radius):
+    """The scene with the same light from balls instead of points."""
+    text = (measure.ROOT / "scenes" / "caustics" / "caustics.pbrt").read_text()
+    place = re.search(r'LightSource "point" "rgb I" \[([^\]]*)\] "point from" \[([^\]]*)\]', text)
+    radiance = " ".join(f"{float(i) / (3.14159265 * radius**2):g}" for i in place[1].split())
+    ball = (f'AttributeBegin\nTranslate {place[2]}\nAreaLightSource "diffuse" "rgb L" [{radiance}]\n'
+            f'Shape "sphere" "float radius" [{radius}]\nAttributeEnd')
+    text = re.sub(r'LightSource "spot".*\n', "", text).replace(place[0], ball)
+    path = pathlib.Path(folder, f"caustics-ball-{radius:g}.pbrt")
+    path.write_text(text)
+    return path
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", type=pathlib.Path)
+    parser.add_argument("--program", type=pathlib.Path, default=measure.DEFAULT_PROGRAM)
+    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--truth-spp", type=int, default=4096)
+    parser.add_argument("--runs", type=int, default=1)
+    parser.add_argument("--resolution", default="120x90")
+    o = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = o.scenes
+        if not scenes:
+            shared = [measure.DEFAULT_SHARED / "scenes" / s for s in SHARED]
+            scenes = [caustics(folder, r) for r in (0.5, 0.1)] + [s for s in shared if s.exists()]
+            if len(scenes) < len(SHARED) + 2:
+                print(f"{measure.DEFAULT_SHARED} is not there: its scenes are left out", file=sys.stderr)
+
+        def render(scene, kind, spp, seed):
+            picture = pathlib.Path(folder, "picture.exr")
+            done = measure.run([o.program, "render", scene, "--integrator", "path", "--light-paths", kind, "--spp", spp, "--seed", seed,
+                                "--resolution", o.resolution, "-o", picture, "--quiet"], report=True, check=True)
+            return measure.read_rgb(picture), done.report["time"]["render_cpu_s"]
+
+        print("| scene | light paths | processor s | trimmed relMSE | relMSE | gain | mean, of the truth's |\n|---|---|---|---|---|---|---|")
+        for scene in scenes:
+            truth, _ = render(scene, "all", o.truth_spp, 99)
+            before = None
+            for kind in KINDS:
+                times, trimmed, whole, means = [], [], [], []
+                for seed in range(o.runs):
+                    image, cpu = render(scene, kind, o.spp, seed)
+                    found = measure.compare(image, truth)
+                    times.append(cpu)
+                    trimmed.append(found.trimmed)
+                    whole.append(found.relmse)
+                    means.append(float(image.mean() / truth.mean()))
+                cost = statistics.median(times) * statistics.median(trimmed)
+                before = before or cost
+                print(f"| {scene.stem} | {kind} | {statistics.median(times):.2f} | {statistics.median(trimmed):.3g} | "
+                      f"{statistics.median(whole):.3g} | {before / cost:.2f} | {statistics.median(means):.3f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
