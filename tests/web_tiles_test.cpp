@@ -65,6 +65,37 @@ TEST(TileWatch, ChoosesEveryTileOnceThenOnlyWhatHasChanged) {
   EXPECT_TRUE(watch.choose(g.cluster->core, 1000000).empty());
 }
 
+TEST(TileWatch, ChoosesAllTilesAgainAsLightOfPathsFromLightsGrows) {
+  ManagerOptions o;
+  o.fixed_tile = 16;
+  JobSpec spec = manager_test::job();
+  spec.start.set_light_paths(1);
+  Cluster cluster(o, spec);
+  const HostId host = cluster.join();
+  cluster.report_loaded(host);
+  TileWatch watch;
+  // Each task brings light to the last tile.
+  std::size_t answered = 0, chosen = 0;
+  for (; answered < cluster.tasks[host].size(); ++answered) {
+    const auto task = cluster.tasks[host][answered];
+    const auto range = std::get<RendererRange>(task.payload);
+    wire::RendererReply r;
+    r.task = range.task;
+    r.sums.resize(range.pixels());
+    for (PixelSums& p : r.sums)
+      for (std::uint32_t s = range.sample_begin; s < range.sample_end; ++s) p.add({4, 4, 4}, s);
+    r.splats.push_back({64 * 64 - 1, {}});
+    r.splats[0].add({5, 5, 5}, 0);
+    cluster.core.receive(host, wire::Reply{task.id, 1, std::move(r)}, cluster.now);
+    chosen += watch.choose(cluster.core, 1000000).size();
+    cluster.listen();
+  }
+  ASSERT_GT(answered, 16u);
+  EXPECT_EQ(cluster.core.progress().paths_done, cluster.core.progress().paths_total);
+  EXPECT_GE(chosen, answered + 15) << "all again at the end";
+  EXPECT_TRUE(watch.choose(cluster.core, 1000000).empty());
+}
+
 TEST(CoarsePicture, HasEveryStepOfAllThePicture) {
   Growing g;
   g.cluster->work();

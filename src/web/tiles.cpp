@@ -1,6 +1,7 @@
 #include "web/tiles.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -67,18 +68,33 @@ std::string encode_coarse(const ManagerCore& core, float scale, std::size_t most
   return with_pixels({step, size(w, step), size(h, step)}, pixels);
 }
 
+namespace {
+
+// Light of paths from lights changes all tiles: they are news again with every quarter more samples, and at the end.
+std::uint64_t age_of_light(const ManagerCore& core) {
+  if (core.film().splats().empty()) return 0;
+  const ManagerCore::Progress p = core.progress();
+  const auto log2 = static_cast<unsigned>(std::bit_width(p.paths_done));
+  if (p.paths_done == p.paths_total || log2 < 3) return 1000;
+  return 4 * log2 + (p.paths_done >> (log2 - 3) & 3u);
+}
+
+}  // namespace
+
 std::vector<std::size_t> TileWatch::choose(const ManagerCore& core, std::uint64_t pixels) {
   chosen_.resize(core.tiles());
+  const std::uint64_t age = age_of_light(core);
   struct Candidate {
     std::size_t tile;
-    std::uint64_t samples;
+    Chosen now;
     double growth;
   };
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < chosen_.size(); ++i) {
-    const std::uint64_t n = core.tile_samples(i);
-    if (n == chosen_[i]) continue;
-    candidates.push_back({i, n, chosen_[i] ? static_cast<double>(n) / static_cast<double>(chosen_[i]) : kInfinity});
+    const Chosen now{core.tile_samples(i), age};
+    if (now.samples == 0 || now == chosen_[i]) continue;
+    const auto before = static_cast<double>(chosen_[i].samples);
+    candidates.push_back({i, now, chosen_[i].samples ? static_cast<double>(now.samples) / before : kInfinity});
   }
   std::stable_sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) { return a.growth > b.growth; });
   std::vector<std::size_t> out;
@@ -87,7 +103,7 @@ std::vector<std::size_t> TileWatch::choose(const ManagerCore& core, std::uint64_
     sum += pixels_of(core.tile_range(c.tile));
     if (sum > pixels && !out.empty()) break;
     out.push_back(c.tile);
-    chosen_[c.tile] = c.samples;
+    chosen_[c.tile] = c.now;
   }
   return out;
 }

@@ -36,7 +36,11 @@ class TileWatch {
   std::vector<std::size_t> choose(const ManagerCore& core, std::uint64_t pixels);
 
  private:
-  std::vector<std::uint64_t> chosen_;  // samples when chosen last
+  struct Chosen {
+    std::uint64_t samples = 0, age_of_light = 0;
+    friend bool operator==(const Chosen&, const Chosen&) = default;
+  };
+  std::vector<Chosen> chosen_;  // as they were when chosen last
 };
 
 // The pixels of a tile, row by row, black where there is no sample yet.
