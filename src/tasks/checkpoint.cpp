@@ -18,7 +18,6 @@ constexpr std::size_t kRecordHeaderBytes = 16, kBodyHeaderBytes = 40;
 constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
 constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4;  // and twice that: LightPaths
-constexpr std::size_t kSplatBytes = 4 + 6 * 16;
 constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they are");
@@ -65,6 +64,9 @@ unsigned sum_width(const TileSums& tile) {
   UInt128 all = 0;
   for (const PixelSums& p : tile.sums)
     for (const auto& half : p.sum)
+      for (const Int128 v : half) all |= static_cast<UInt128>(v < 0 ? ~v : v);
+  for (const Splat& s : tile.splats)
+    for (const auto& half : s.sum)
       for (const Int128 v : half) all |= static_cast<UInt128>(v < 0 ? ~v : v);
   unsigned bits = 1;  // the sign
   for (; all != 0; all >>= 1) ++bits;
@@ -236,7 +238,7 @@ void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& o
   const unsigned width = sum_width(tile);
   const std::size_t body = kBodyHeaderBytes + 8 * tile.samples.size() +
                            tile.sums.size() * (6 * width + (counts ? 8 : 0)) + tile.features.size() * kFeatureBytes +
-                           (tile.light_paths ? 4 + tile.splats.size() * kSplatBytes : 0);
+                           (tile.light_paths ? 4 + tile.splats.size() * (4 + 6 * width) : 0);
   put(out, kTileMark);
   put(out, static_cast<std::uint32_t>(body));
   const std::size_t checksum_at = out.size();
@@ -274,14 +276,15 @@ void encode_record(const TileSums& tile, std::uint64_t header_checksum, Bytes& o
     std::memcpy(out.data() + at, p.sum.data(), kFeatureSumBytes * kFeatureNumbers);
     at += kFeatureSumBytes * kFeatureNumbers;
   }
-  const auto append = [&](const auto& value) {
-    std::memcpy(out.data() + at, &value, sizeof value);
-    at += sizeof value;
+  const auto append = [&](const auto& value, std::size_t bytes) {
+    std::memcpy(out.data() + at, &value, bytes);
+    at += bytes;
   };
-  if (tile.light_paths) append(static_cast<std::uint32_t>(tile.splats.size()));
+  if (tile.light_paths) append(static_cast<std::uint32_t>(tile.splats.size()), 4);
   for (const Splat& s : tile.splats) {
-    append(s.pixel);
-    append(s.sum);
+    append(s.pixel, 4);
+    for (const auto& half : s.sum)
+      for (const Int128& v : half) append(v, width);
   }
   const std::uint64_t checksum =
       hash(std::span(out).subspan(body_at), header_checksum + std::uint64_t{body});
@@ -349,7 +352,7 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
     if (body.size() < before_splats + 4) return std::nullopt;
     std::memcpy(&splats, body.data() + before_splats, 4);
   }
-  if (body.size() != before_splats + (t.light_paths ? 4 + std::uint64_t{splats} * kSplatBytes : 0)) return std::nullopt;
+  if (body.size() != before_splats + (t.light_paths ? 4 + std::uint64_t{splats} * (4 + 6 * width) : 0)) return std::nullopt;
   SampleSet set;
   for (std::uint32_t i = 0; i < ranges; ++i) {
     const auto begin = in.take<std::uint32_t>();
@@ -379,7 +382,7 @@ std::optional<TileSums> CheckpointReader::decode(std::span<const std::byte> body
     Splat& s = t.splats.emplace_back();
     s.pixel = in.take<std::uint32_t>();
     for (auto& half : s.sum)
-      for (Int128& v : half) v = in.take_sum(16);
+      for (Int128& v : half) v = in.take_sum(width);
   }
   return t;
 }

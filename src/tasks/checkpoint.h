@@ -18,7 +18,7 @@
 //   complement (even R G B, odd R G B), where the filter has negative lobes all this for samples in positive ones and
 //   then for those in negative ones. Without flag 2 every sample of the ranges is counted. With features, for every pixel:
 //   u32 hits, u32 ids (shape, primitive, material), and ten sums of 16 bytes (film/features.h). With light paths: u32 number
-//   of splats, for each u32 pixel (y * full width + x) and six sums of 16 bytes, in the order of a pixel's.
+//   of splats, for each u32 pixel (y * full width + x) and six sums of the body's width, in the order of a pixel's.
 // A record of a decision (adaptive sampling), before the samples that it asks for:
 //   u32 "goal", u32 bytes, u64 checksum as above, then for every tile of the film, row by row, u32: samples
 //   that each of its pixels has when the round is complete

@@ -317,6 +317,7 @@ class ManagerCore {
              std::span<const Splat> splats);
   bool fits(const wire::RendererReply& r, const RendererRange& range) const;
   bool fits(std::span<const Splat> splats) const;
+  void add_splats(std::size_t tile, std::vector<Splat>& to) const;  // of its pixels
   void set_tile(std::uint32_t tile);
   void begin_held_rounds();
   void lengthen_rounds();

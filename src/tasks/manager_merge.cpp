@@ -61,6 +61,15 @@ bool ManagerCore::restore(const TileSums& t) {
   return true;
 }
 
+void ManagerCore::add_splats(std::size_t tile, std::vector<Splat>& to) const {
+  const RendererRange r = tile_range(tile);
+  for (std::uint32_t y = r.y0; y < r.y1; ++y) {
+    const std::size_t row = std::size_t{y - job_.frame.y0} * job_.frame.crop_width() - job_.frame.x0;
+    for (const Splat& s : film_.splats().subspan(row + r.x0, r.x1 - r.x0))
+      if (s.sum != Splat().sum) to.push_back(s);
+  }
+}
+
 std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
   const auto ranges = covered_[tile].ranges();
   if (ranges.empty()) return std::nullopt;
@@ -77,15 +86,14 @@ std::optional<TileSums> ManagerCore::tile_sums(std::size_t tile) const {
     t.features.insert(t.features.end(), features.begin(), features.end());
   }
   if (film_.splats().empty()) return t;
-  // The first tile that has a record says of those that have none too.
-  const auto first = std::ranges::find_if(covered_, [](const SampleSet& s) { return !s.ranges().empty(); });
-  const bool is_first = static_cast<std::size_t>(first - covered_.begin()) == tile;
-  for (const Splat& s : film_.splats()) {
-    if (s.sum == Splat().sum) continue;
-    const std::uint32_t x = s.pixel % job_.frame.width - job_.frame.x0, y = s.pixel / job_.frame.width - job_.frame.y0;
-    const std::size_t of = y / tile_ * std::size_t{tiles_x_} + x / tile_;
-    if (of == tile || (is_first && covered_[of].ranges().empty())) t.splats.push_back(s);
-  }
+  add_splats(tile, t.splats);
+  // The first tile that has a record says of those that have none, too.
+  const auto is_covered = [](const SampleSet& s) { return !s.ranges().empty(); };
+  if (static_cast<std::size_t>(std::ranges::find_if(covered_, is_covered) - covered_.begin()) != tile) return t;
+  for (std::size_t other = tile + 1; other < covered_.size(); ++other)
+    if (!is_covered(covered_[other])) add_splats(other, t.splats);
+  for (std::size_t other = 0; other < tile; ++other) add_splats(other, t.splats);
+  std::ranges::sort(t.splats, {}, &Splat::pixel);
   return t;
 }
 
