@@ -2,11 +2,7 @@
 // the scene is split.
 #include <gtest/gtest.h>
 
-#include <fstream>
-
-#include "integrator/path_tracer.h"
-#include "parts/split.h"
-#include "parts_support.h"
+#include "integrator_support.h"
 
 namespace cloudrenderer {
 namespace {
@@ -26,28 +22,16 @@ struct Look {
 };
 
 Picture picture_of(const std::string& text, const Look& look) {
-  prepare_compute_thread();
-  const parts_test::TemporaryFolder folder;
-  const std::string scene = folder.path("scene.pbrt"), split = folder.path("split");
-  std::ofstream(scene) << text;
-  Warnings warnings;
-  SplitOptions options;
-  options.part_size = look.part_size;
-  const Manifest m = split_scene(scene, split, options, warnings);
-  EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
   JobOverrides overrides;
   overrides.spp = look.spp;
   overrides.light_paths = look.light_paths;
-  Resident resident({});
-  const auto read = [](const std::string& path) { return *read_part_file(path); };
-  const PathTracer tracer(m, job_settings(m.scene, overrides, warnings), read(part_path(split, 0)), resident, warnings);
-  EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
-  for (std::uint32_t i = 1; i < m.parts.size(); ++i) resident.load_part(PartId(i), read(part_path(split, i)));
-
+  const SplitScene split(text, look.part_size, overrides);
+  EXPECT_TRUE(split.warnings.list().empty()) << split.warnings.list()[0];
+  const PathTracer& tracer = *split.tracer;
   const FilmFrame& f = tracer.job().film.frame;
   Film film(f, tracer.job().k, tracer.job().lobes);
   Picture out;
-  out.parts = m.parts.size();
+  out.parts = split.manifest.parts.size();
   const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, look.spp};
   constexpr std::uint64_t kBatch = 4096;
   std::uint64_t ended = 0;
@@ -138,7 +122,7 @@ TEST(LightPaths, MeetEveryKindOfFilterCameraAndDialect) {
   expect_same_light(scene(bulb(kBall), "PixelFilter \"mitchell\"\n"), {.tolerance = 0.015});
   expect_same_light(scene(bulb(kBall), "Camera \"perspective\" \"float fov\" [40] \"float lensradius\" [.4] \"float focaldistance\" [5]\n"));
   expect_same_light(scene(bulb(kBall), "Camera \"orthographic\" \"float screenwindow\" [-2.5 2.5 -2 2]\n"));
-  expect_same_light(scene(bulb(kBall), "Scale 2 2 2\n"));
+  expect_same_light(scene(bulb(kBall), "Scale 2 2 2\nCamera \"perspective\" \"float fov\" [40]\n"));
   expect_same_light(scene(bulb(kBall), "", "SurfaceIntegrator \"path\""));
 }
 

@@ -25,21 +25,9 @@ std::string grid_numbers(std::uint32_t nx, std::uint32_t ny, std::uint32_t nz) {
 }
 
 Sums render_split(const std::string& text, std::uint64_t part_size, std::size_t& parts, RayCounts& counts) {
-  prepare_compute_thread();
-  const parts_test::TemporaryFolder folder;
-  const std::string scene = folder.path("scene.pbrt"), split = folder.path("split");
-  std::ofstream(scene) << text;
-  Warnings warnings;
-  SplitOptions options;
-  options.part_size = part_size;
-  const Manifest m = split_scene(scene, split, options, warnings);
-  EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
-  parts = m.parts.size();
-  Resident resident({});
-  const auto read = [](const std::string& path) { return *read_part_file(path); };
-  const PathTracer tracer(m, job_settings(m.scene, {}, warnings), read(part_path(split, 0)), resident, warnings);
-  for (std::uint32_t i = 1; i < m.parts.size(); ++i) resident.load_part(PartId(i), read(part_path(split, i)));
-  return render(tracer, 1000, counts);
+  const SplitScene scene(text, part_size);
+  parts = scene.manifest.parts.size();
+  return render(*scene.tracer, 1000, counts);
 }
 
 void expect_same_in_all_splits(const std::string& text, bool scatters = true) {

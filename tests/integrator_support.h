@@ -1,11 +1,37 @@
 #pragma once
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <map>
+#include <optional>
+#include <string>
 
 #include "integrator/path_tracer.h"
+#include "parts/split.h"
+#include "parts_support.h"
 
 namespace cloudrenderer {
+
+// A scene that was split without warnings, with all of its parts loaded.
+struct SplitScene {
+  SplitScene(const std::string& text, std::uint64_t part_size, const JobOverrides& overrides = {}) {
+    prepare_compute_thread();
+    const parts_test::TemporaryFolder folder;
+    const std::string scene = folder.path("scene.pbrt"), split = folder.path("split");
+    std::ofstream(scene) << text;
+    SplitOptions options;
+    options.part_size = part_size;
+    manifest = split_scene(scene, split, options, warnings);
+    EXPECT_TRUE(warnings.list().empty()) << warnings.list()[0];
+    const auto read = [](const std::string& path) { return *read_part_file(path); };
+    tracer.emplace(manifest, job_settings(manifest.scene, overrides, warnings), read(part_path(split, 0)), resident, warnings);
+    for (std::uint32_t i = 1; i < manifest.parts.size(); ++i) resident.load_part(PartId(i), read(part_path(split, i)));
+  }
+  Warnings warnings;  // of the tracer too
+  Manifest manifest;
+  Resident resident{{}};
+  std::optional<PathTracer> tracer;
+};
 
 using Sums = std::map<std::pair<std::uint32_t, std::uint32_t>, Fixed3>;  // by pixel and sample
 

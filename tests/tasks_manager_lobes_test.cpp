@@ -14,12 +14,7 @@ JobSpec with_lobes() {
 
 TEST(NegativeLobes, WantRenderersThatKnowThem) {
   Cluster c({}, with_lobes());
-  wire::Hello h;
-  h.set_protocol(wire::kProtocolVersion);
-  h.set_fingerprint(1);
-  h.set_memory(10000);
-  h.set_threads(1);
-  h.set_path_credits(20000);
+  wire::Hello h = hello();
   h.add_features("layers");
   const auto refused = c.core.join(h, 0);
   ASSERT_FALSE(refused);

@@ -43,18 +43,22 @@ inline void follow(wire::SceneHostMap& known, const wire::SceneHostMap& news) {
   known = std::move(next);
 }
 
+inline wire::Hello hello(std::uint64_t memory = 10000) {
+  wire::Hello h;
+  h.set_protocol(wire::kProtocolVersion);
+  h.set_fingerprint(1);
+  h.set_memory(memory);
+  h.set_threads(1);
+  h.set_path_credits(20000);
+  return h;
+}
+
 // The manager with hosts that do as they are told.
 struct Cluster {
   explicit Cluster(ManagerOptions o = {}, JobSpec spec = job()) : core(o, std::move(spec)) {}
 
   HostId join(std::uint64_t memory = 10000) {
-    wire::Hello h;
-    h.set_protocol(wire::kProtocolVersion);
-    h.set_fingerprint(1);
-    h.set_memory(memory);
-    h.set_threads(1);
-    h.set_path_credits(20000);
-    const auto id = core.join(h, now);
+    const auto id = core.join(hello(memory), now);
     EXPECT_TRUE(id) << id.error();
     return *id;
   }

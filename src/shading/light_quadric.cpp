@@ -46,14 +46,6 @@ bool is_whole_disk(const Quadric& q) {
   return q.inner_radius == 0.f && q.phi_max >= 2 * kPi * 0.999999f && !q.inside_out;
 }
 
-bool is_similarity(const glm::mat3& m) {
-  const float x = glm::dot(m[0], m[0]), y = glm::dot(m[1], m[1]), z = glm::dot(m[2], m[2]);
-  const float tolerance = 1e-5f * x;
-  return std::fabs(x - y) < tolerance && std::fabs(x - z) < tolerance &&
-         std::fabs(glm::dot(m[0], m[1])) < tolerance &&
-         std::fabs(glm::dot(m[0], m[2])) < tolerance && std::fabs(glm::dot(m[1], m[2])) < tolerance;
-}
-
 }  // namespace
 
 std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance,

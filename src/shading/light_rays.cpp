@@ -11,15 +11,6 @@ namespace {
 
 bool is_shape(EmitterKind kind) { return kind >= EmitterKind::triangle; }
 
-// Whether the light's own space has the angles of the world, so that its cone is one of these.
-bool has_cone(const SpotCone& cone) {
-  const glm::mat3& m = cone.world_to_light;
-  const float x = glm::dot(m[0], m[0]), tolerance = 1e-4f * x;
-  return std::fabs(glm::dot(m[1], m[1]) - x) < tolerance && std::fabs(glm::dot(m[2], m[2]) - x) < tolerance &&
-         std::fabs(glm::dot(m[0], m[1])) < tolerance && std::fabs(glm::dot(m[0], m[2])) < tolerance &&
-         std::fabs(glm::dot(m[1], m[2])) < tolerance;
-}
-
 // By solid angle, 1 - cos from 0 to `most`.
 Vec3 around(const Vec3& axis, float most, const Vec2& u) {
   const float x = u.x * most, r = std::sqrt(std::max(0.f, x * (2.f - x)));
@@ -29,7 +20,8 @@ Vec3 around(const Vec3& axis, float most, const Vec2& u) {
 }
 
 float one_minus_cos(const Emitter& e, std::span<const SpotCone> spots) {
-  if (e.kind != EmitterKind::spot || !has_cone(spots[e.index])) return 2.f;
+  // A light space with other angles than the world's has no cone there.
+  if (e.kind != EmitterKind::spot || !is_similarity(spots[e.index].world_to_light)) return 2.f;
   return std::clamp(1.f - spots[e.index].cos_total, 1e-6f, 2.f);
 }
 

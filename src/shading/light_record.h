@@ -66,6 +66,15 @@ struct EmissiveQuadric {
   float inverse_volume = 1;  // 1 / |det to_world|
 };
 
+// Whether m keeps angles.
+inline bool is_similarity(const glm::mat3& m) {
+  const float x = glm::dot(m[0], m[0]), y = glm::dot(m[1], m[1]), z = glm::dot(m[2], m[2]);
+  const float tolerance = 1e-5f * x;
+  return std::fabs(x - y) < tolerance && std::fabs(x - z) < tolerance &&
+         std::fabs(glm::dot(m[0], m[1])) < tolerance &&
+         std::fabs(glm::dot(m[0], m[2])) < tolerance && std::fabs(glm::dot(m[1], m[2])) < tolerance;
+}
+
 inline float average(const Rgb& c) { return (c.x + c.y + c.z) * (1.f / 3.f); }
 
 // One density for all of a scene's emitters with a point on them: from area to solid angle; 0 seen
