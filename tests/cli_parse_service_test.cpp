@@ -28,7 +28,7 @@ class ServiceCommandLine : public ::testing::Test {
 TEST_F(ServiceCommandLine, SubmitTakesEveryOption) {
   const auto o = std::get<SubmitOptions>(parse({"submit", "a.pbrt", "b.pbrt", "--name", "n", "--priority", "-2", "--retries", "0", "--timeout", "60",
                                                 "--budget", "2.5", "--on-budget", "ask", "--deadline", "1.5h", "--spp", "4", "--max-depth", "3", "--seed", "9", "--max-error",
-                                                "0.5", "--resolution", "64x32", "--crop", "0,0.1,0.25,1", "--integrator", "path", "--dialect", "v3",
+                                                "0.5", "--resolution", "64x32", "--crop", "0,0.1,0.25,1", "--integrator", "path", "--light-paths", "all", "--dialect", "v3",
                                                 "--part-size", "1MiB", "--wait", "--quiet"}));
   EXPECT_EQ(o.service.url, "http://farm:8080");
   EXPECT_EQ(o.service.token, "mine");
@@ -47,7 +47,7 @@ TEST_F(ServiceCommandLine, SubmitTakesEveryOption) {
   EXPECT_EQ(s.width, 64u);
   EXPECT_EQ(s.height, 32u);
   EXPECT_EQ(s.crop, (std::array<double, 4>{0, 0.1, 0.25, 1}));
-  EXPECT_EQ(s.integrator + s.dialect, "pathv3");
+  EXPECT_EQ(s.integrator + s.light_paths + s.dialect, "pathallv3");
   EXPECT_EQ(s.part_size, 1u << 20);
 }
 

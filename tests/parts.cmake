@@ -5,6 +5,7 @@ cloudrenderer_test(parts_tests LABEL unit
           ${CMAKE_CURRENT_LIST_DIR}/parts_motion_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/parts_partition_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/parts_scenes_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/parts_specular_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/parts_split_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/parts_text_test.cpp
   LINK cr_parts)

@@ -22,6 +22,7 @@ Manifest example() {
   m.shape_lights = {AreaLightId(1), AreaLightId(0)};
   m.total_triangles = std::uint64_t{1} << 40;
   m.bounds = {Vec3(-2), Vec3(5)};
+  m.specular_boxes = {{Vec3(0), Vec3(1)}, {Vec3(2), Vec3(2)}};
   m.content_hash = 0x123456789abcdef0u;
   return m;
 }
@@ -54,6 +55,8 @@ TEST(Manifest, GivesBackWhatWasEncoded) {
   EXPECT_EQ(back->shape_lights, m.shape_lights);
   EXPECT_EQ(back->total_triangles, m.total_triangles);
   EXPECT_EQ(back->bounds.min, m.bounds.min);
+  ASSERT_EQ(back->specular_boxes.size(), 2u);
+  EXPECT_EQ(back->specular_boxes[1].max, Vec3(2));
   EXPECT_EQ(back->content_hash, m.content_hash);
   EXPECT_EQ(encode(*back), encode(m));
 }
@@ -80,6 +83,12 @@ TEST(Manifest, RefusesReferencesToWhatIsNotThere) {
   m.parts[1].boxes = {{Vec3(0), Vec3(kInfinity)}};
   EXPECT_FALSE(decode(encode(m)));
   m.parts[1].boxes.clear();
+  EXPECT_FALSE(decode(encode(m)));
+  m = example();
+  m.specular_boxes[1].max.x = kInfinity;
+  EXPECT_FALSE(decode(encode(m)));
+  m = example();
+  m.specular_boxes.resize(kMostSpecularBoxes + 1, m.specular_boxes[0]);
   EXPECT_FALSE(decode(encode(m)));
   m.parts.clear();
   EXPECT_FALSE(decode(encode(m)));

@@ -22,7 +22,7 @@ Job some_job(std::uint64_t id) {
   job.id = id;
   job.request = read_request(parse_json(R"({"scene": "s", "files": ["a.pbrt", "b/c.pbrt"], "name": "n\u00e4me", "priority": -3, "retries": 5,
     "timeout_s": 7.5, "budget": 2, "on_budget": "ask", "deadline": "2h", "options": {"spp": 16, "max_depth": 0, "seed": 4294967295, "resolution": [640, 480],
-    "crop": [0, 0.5, 0.25, 1], "max_error": 0.01, "integrator": "path", "dialect": "v3", "part_size": 1048576}})"), "ann");
+    "crop": [0, 0.5, 0.25, 1], "max_error": 0.01, "integrator": "path", "light_paths": "caustics", "dialect": "v3", "part_size": 1048576}})"), "ann");
   job.state = JobState::running;
   job.reason = "why";
   job.submitted = 1.5;
@@ -163,6 +163,7 @@ TEST(ServiceJson, RequestsThatCannotBeAreRefused) {
                            R"({"scene": "s", "files": ["a"], "options": {"crop": [0.5, 0.5, 0, 1]}})",
                            R"({"scene": "s", "files": ["a"], "options": {"crop": [0, 1, 0, "1"]}})",
                            R"({"scene": "s", "files": ["a"], "options": {"integrator": "--checkpoint"}})",
+                           R"({"scene": "s", "files": ["a"], "options": {"light_paths": "some"}})",
                            R"({"scene": "s", "files": ["a"], "options": {"dialect": "v5"}})", R"({"scene": "s", "files": ["a"], "options": 3})"})
     EXPECT_EQ(refused(text), 422001) << text;
 }

@@ -2,6 +2,7 @@
 
 #include <random>
 
+#include "scene/material_specular.h"
 #include "shading/bsdf_lobes.h"
 #include "shading/material.h"
 #include "shading_support.h"
@@ -30,7 +31,13 @@ struct Built {
   Bsdf at(const SurfacePoint& point = plane(),
           const Vec3& wo = glm::normalize(Vec3(0.3f, 0.1f, 0.9f))) const {
     SurfacePoint p = point;
-    return shading->bsdf(static_cast<std::uint32_t>(scene.materials.size() - 1), p, wo, {});
+    const Bsdf bsdf = shading->bsdf(static_cast<std::uint32_t>(scene.materials.size() - 1), p, wo, {});
+    bool specular = false;
+    for (int i = 0; i < bsdf.lobe_count(); ++i) specular = specular || bsdf.lobe(i).kind >= LobeKind::specular_reflection;
+    // What lies behind the boundary of a disney material is for paths from the camera only.
+    const std::string& type = scene.materials.back().type;
+    EXPECT_TRUE(!specular || type == "disney" || maybe_specular(scene).back()) << type;
+    return bsdf;
   }
   SceneDescription scene;
   Warnings warnings;

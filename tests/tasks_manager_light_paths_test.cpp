@@ -19,7 +19,7 @@ TEST(LightPathsJob, WantsHostsThatKnowThem) {
   const auto refused = c.core.join(h, 0);
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().find("paths from lights"), std::string::npos);
-  h.add_features("light paths");
+  h.add_features("aimed light paths");
   EXPECT_TRUE(c.core.join(h, 0));
 }
 

@@ -24,15 +24,16 @@ SHARED = ("v3/veach/veach-small.pbrt", "v2/room-path-small.pbrt", "v3/coffee/cof
           "v2/cornell-mlt.pbrt")
 
 
-def caustics(folder, radius):
-    """The scene with the same light from balls instead of points."""
+def caustics(folder, radius, times=1):
+    """The scene with the same light from a ball instead of points, `times` as far away."""
     text = (measure.ROOT / "scenes" / "caustics" / "caustics.pbrt").read_text()
     place = re.search(r'LightSource "point" "rgb I" \[([^\]]*)\] "point from" \[([^\]]*)\]', text)
-    radiance = " ".join(f"{float(i) / (3.14159265 * radius**2):g}" for i in place[1].split())
-    ball = (f'AttributeBegin\nTranslate {place[2]}\nAreaLightSource "diffuse" "rgb L" [{radiance}]\n'
+    radiance = " ".join(f"{float(i) * times**2 / (3.14159265 * radius**2):g}" for i in place[1].split())
+    center = " ".join(f"{float(i) * times:g}" for i in place[2].split())
+    ball = (f'AttributeBegin\nTranslate {center}\nAreaLightSource "diffuse" "rgb L" [{radiance}]\n'
             f'Shape "sphere" "float radius" [{radius}]\nAttributeEnd')
     text = re.sub(r'LightSource "spot".*\n', "", text).replace(place[0], ball)
-    path = pathlib.Path(folder, f"caustics-ball-{radius:g}.pbrt")
+    path = pathlib.Path(folder, f"caustics-ball-{radius:g}.pbrt" if times == 1 else f"caustics-sun-{radius:g}-{times:g}.pbrt")
     path.write_text(text)
     return path
 
@@ -50,8 +51,8 @@ def main():
         scenes = o.scenes
         if not scenes:
             shared = [measure.DEFAULT_SHARED / "scenes" / s for s in SHARED]
-            scenes = [caustics(folder, r) for r in (0.5, 0.1)] + [s for s in shared if s.exists()]
-            if len(scenes) < len(SHARED) + 2:
+            scenes = [caustics(folder, 0.5), caustics(folder, 0.1), caustics(folder, 6, 100)] + [s for s in shared if s.exists()]
+            if len(scenes) < len(SHARED) + 3:
                 print(f"{measure.DEFAULT_SHARED} is not there: its scenes are left out", file=sys.stderr)
 
         def render(scene, kind, spp, seed):

@@ -14,7 +14,7 @@ struct ServiceCommands::Given {
   std::string url, token_file, authority;
   std::vector<std::string> scenes;
   std::string name, priority, retries, timeout, budget, on_budget, deadline, job, frame, output;
-  std::string spp, max_depth, seed, max_error, resolution, crop, integrator, dialect, part_size;
+  std::string spp, max_depth, seed, max_error, resolution, crop, integrator, light_paths, dialect, part_size;
   bool wait = false, quiet = false, hosts = false, preview = false;
   // manager --serve
   std::string folder, api, users, prices, advertise, jobs_at_once, patience, user_bytes, child_memory, keep, disk, ports;
@@ -58,6 +58,8 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
   g.submit->add_option("--resolution", g.resolution, "WxH pixels");
   g.submit->add_option("--crop", g.crop, "X0,X1,Y0,Y1: the part of the picture to render, in [0,1]");
   g.submit->add_option("--integrator", g.integrator, "pbrt's name of the integrator to use instead of the scene's");
+  g.submit->add_option("--light-paths", g.light_paths, "paths from the lights: off, caustics or all (default: as the scene's integrator says)")
+      ->check(CLI::IsMember({"off", "caustics", "all"}));
   g.submit->add_option("--dialect", g.dialect, "read the scene as pbrt v2, v3 or v4, whatever it looks like");
   g.submit->add_option("--part-size", g.part_size, "memory of a loaded part at most (default 64MiB)");
   g.submit->add_flag("--wait", g.wait, "until the job has ended; exit code 0 when all is well");
@@ -177,6 +179,7 @@ std::optional<Command> ServiceCommands::read() const {
       for (std::size_t i = 0; i < s.crop->size(); ++i) (*s.crop)[i] = *number<double>(fields(g.crop, ',')[i]);
     }
     s.integrator = g.integrator;
+    s.light_paths = g.light_paths;
     if (!g.dialect.empty()) dialect_option(g.dialect);
     s.dialect = g.dialect;
     if (!g.part_size.empty()) s.part_size = size_option("--part-size", g.part_size);

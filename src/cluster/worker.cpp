@@ -355,7 +355,7 @@ wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::
     h.add_features("layers");
   }
   h.add_features("lobes");
-  h.add_features("light paths");
+  h.add_features("aimed light paths");
   h.add_features("changes");
   h.set_instruction_set(kInstructionSet);
   h.set_fingerprint(numeric_fingerprint());

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "film/camera.h"
+#include "scene/material_specular.h"
 
 namespace cloudrenderer {
 
@@ -45,8 +46,8 @@ LightPaths light_paths_for(const std::string& type) {
 }
 
 bool may_be_specular(const SceneDescription& scene) {
-  static const std::set<std::string> never{"", "none", "matte", "plastic", "substrate", "translucent", "measured", "fourier", "hair"};
-  return std::ranges::any_of(scene.materials, [](const MaterialDesc& m) { return !never.contains(m.type); });
+  const std::vector<bool> materials = maybe_specular(scene);
+  return std::ranges::find(materials, true) != materials.end();
 }
 
 // Why there are no paths from lights; empty: there can be.

@@ -124,7 +124,7 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
   float emission = 0;
   if (first) {
     if (!light_ray(light_before)) return end();
-    emission = tracer.lights_->emission(light_before.emitter, wo, glm::length(light_before.origin - p.p));
+    emission = tracer.lights_->emission(light_before.emitter, p.p, wo, glm::length(light_before.origin - p.p));
   }
   Rgb change;
   float ratio = s.light_ratio(), sampled = s.previous_pdf;

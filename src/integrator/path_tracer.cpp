@@ -14,6 +14,9 @@ namespace cloudrenderer {
 
 namespace {
 
+// Share of the rays of lights that are aimed at what may be specular, where others count as well.
+constexpr float kAimed = 0.25f;
+
 // The candidates of a segment's window, front to back.
 class CandidateList {
  public:
@@ -95,6 +98,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   film_pixels_ = static_cast<float>(job.film.frame.pixels());
   if (!lights_->empty() && !even_lobes_ && camera_->views_points()) light_paths_ = job.light_paths;
   if (light_paths_ == LightPaths::all) lights_->want_emission();
+  if (light_paths_ != LightPaths::none) lights_->aim(manifest.specular_boxes, light_paths_ == LightPaths::caustics ? 1.f : kAimed);
   if (job.media != MediaTransport::none) build_media(manifest, main_part, warnings);
   if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);
   resident.load_part(PartId{0}, std::move(main_part));

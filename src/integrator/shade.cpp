@@ -154,7 +154,7 @@ void PathTracer::Shader::escape() {
       radiance = tracer.lights_->escaped(s.scattered_at(), s.previous_normal, s.direction, pdf);
       weight = power_weight(s.previous_pdf, pdf);
     }
-    add(s.throughput * radiance * shared_weight(s, weight, tracer.lights_->infinite_emission(s.direction)));
+    add(s.throughput * radiance * shared_weight(s, weight, tracer.lights_->infinite_emission(s.origin, s.direction)));
   } else if (finds_infinite(s)) {
     add(escaped<float>(true, {s.direction, s.throughput, s.scattered_at(), s.previous_normal, s.previous_pdf},
                        !(s.flags & kSpecularBounce)));
@@ -300,7 +300,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   if (light != kNone) {
     const Rgb radiance = tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive);
     if (!is_black(radiance)) {
-      const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive) : 0.f;
+      const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive, p.p, s.direction) : 0.f;
       if (s.flags & kSpecularBounce) {
         if (s.vertex <= job.emission_vertex) add(s.throughput * radiance * shared_weight(s, 1.f, emission));
       } else {

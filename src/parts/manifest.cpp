@@ -30,6 +30,12 @@ bool read_box(const Floats& in, int first, Bounds3& b) {
   return is_finite(b.min) && is_finite(b.max) && !b.empty();
 }
 
+bool read_boxes(const Floats& in, std::vector<Bounds3>& boxes) {
+  for (int i = 0; i + 6 <= in.size(); i += 6)
+    if (!read_box(in, i, boxes.emplace_back())) return false;
+  return in.size() % 6 == 0;
+}
+
 // A box that may be absent.
 bool read_bounds(const Floats& in, Bounds3& b) {
   b = {};
@@ -65,6 +71,7 @@ void write(const Manifest& m, proto::Manifest& out) {
   out.set_content_hash(m.content_hash);
   out.set_moves(m.moves);
   for (const std::uint32_t medium : m.bounded_media) out.add_bounded_media(medium);
+  for (const Bounds3& b : m.specular_boxes) write_box(b, out.mutable_specular_boxes());
 }
 
 // Null when all is well, else what is wrong.
@@ -83,12 +90,7 @@ const char* read(const proto::Manifest& in, Manifest& m) {
   }
   for (const proto::PartEntry& e : in.parts()) {
     PartInfo p;
-    if (e.boxes_size() % 6 != 0) return "a part's boxes are no boxes";
-    for (int i = 0; i < e.boxes_size(); i += 6) {
-      Bounds3 b;
-      if (!read_box(e.boxes(), i, b)) return "a part's box is no box";
-      p.boxes.push_back(b);
-    }
+    if (!read_boxes(e.boxes(), p.boxes)) return "a part's boxes are no boxes";
     if (p.boxes.empty() && !m.parts.empty()) return "a part without boxes";
     p.file_bytes = e.file_bytes();
     p.loaded_bytes = e.loaded_bytes();
@@ -113,6 +115,8 @@ const char* read(const proto::Manifest& in, Manifest& m) {
     if (medium >= m.scene.media.size() || (!m.bounded_media.empty() && medium <= m.bounded_media.back())) return "a bounded medium is none";
     m.bounded_media.push_back(medium);
   }
+  if (!read_boxes(in.specular_boxes(), m.specular_boxes) || m.specular_boxes.size() > kMostSpecularBoxes)
+    return "the boxes of specular surfaces are no boxes";
   return nullptr;
 }
 

@@ -184,6 +184,8 @@ struct PrototypeInfo {
   std::uint64_t checksum = 0;
 };
 
+inline constexpr std::size_t kMostSpecularBoxes = 16;
+
 // The whole of a split scene but its geometry.
 struct Manifest {
   SceneDescription scene;
@@ -196,6 +198,9 @@ struct Manifest {
   // Media of the scene that begin and end at surfaces of the main scene only, and that are without material: which parts of
   // a ray are in them is known from these surfaces. Ascending.
   std::vector<std::uint32_t> bounded_media;
+  // Around all surfaces that may be specular (scene/material_specular.h), at most kMostSpecularBoxes; the same for every
+  // split of the scene. Empty: there are none, or it is not told.
+  std::vector<Bounds3> specular_boxes;
   Bounds3 bounds;                         // of the whole scene
   std::uint64_t content_hash = 0;         // of everything above and all part files: names this split
 };

@@ -17,6 +17,7 @@
 #include "parts/partition.h"
 #include "parts/scene_files.h"
 #include "parts/scene_spool.h"
+#include "parts/specular_boxes.h"
 #include "parts/text.h"
 
 namespace cloudrenderer {
@@ -151,6 +152,7 @@ class SceneSplitter::Work {
 Manifest SceneSplitter::Work::finish(SceneDescription description) {
   manifest_.scene = std::move(description);
   manifest_.shape_lights = scene_.shape_lights();
+  manifest_.specular_boxes = specular_boxes(manifest_.scene, scene_);
   lift_interfaces();
   write_prototypes();
   expand_instances();

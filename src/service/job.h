@@ -28,7 +28,7 @@ struct RenderSettings {
   std::optional<std::uint32_t> spp, max_depth, seed, width, height;
   std::optional<std::array<double, 4>> crop;
   std::optional<double> max_error;
-  std::string integrator, dialect;
+  std::string integrator, dialect, light_paths;  // empty: by the scene
   std::uint64_t part_size = 0;  // 0: the default
   bool operator==(const RenderSettings&) const = default;
 };

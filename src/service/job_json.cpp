@@ -51,6 +51,9 @@ RenderSettings read_settings(const Json& json) {
   s.dialect = f.text("dialect", 2).value_or("");
   if (!s.dialect.empty() && s.dialect != "v2" && s.dialect != "v3" && s.dialect != "v4")
     throw ApiError(422, "options.dialect must be v2, v3 or v4");
+  s.light_paths = f.text("light_paths", 8).value_or("");
+  if (!s.light_paths.empty() && s.light_paths != "off" && s.light_paths != "caustics" && s.light_paths != "all")
+    throw ApiError(422, "options.light_paths must be off, caustics or all");
   s.part_size = f.whole("part_size", 1 << 16, std::uint64_t{1} << 40).value_or(0);
   f.finish();
   return s;
@@ -220,6 +223,7 @@ Json to_json(const RenderSettings& s) {
   put("max_error", s.max_error);
   if (!s.integrator.empty()) out["integrator"] = s.integrator;
   if (!s.dialect.empty()) out["dialect"] = s.dialect;
+  if (!s.light_paths.empty()) out["light_paths"] = s.light_paths;
   if (s.part_size != 0) out["part_size"] = s.part_size;
   return out;
 }

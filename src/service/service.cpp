@@ -232,6 +232,7 @@ void Service::start_frame(FrameRef ref, double now) {
   if (s.width && s.height) arguments.insert(arguments.end(), {"--resolution", fmt::format("{}x{}", *s.width, *s.height)});
   if (s.crop) arguments.insert(arguments.end(), {"--crop", fmt::format("{}", fmt::join(*s.crop, ","))});
   if (!s.integrator.empty()) arguments.insert(arguments.end(), {"--integrator", s.integrator});
+  if (!s.light_paths.empty()) arguments.insert(arguments.end(), {"--light-paths", s.light_paths});
   if (config_.tls.mode != TlsMode::automatic) arguments.insert(arguments.end(), {"--tls", config_.tls.mode == TlsMode::on ? "on" : "off"});
   const auto pem = [&](const char* name, const std::string& file) {
     if (!file.empty()) arguments.insert(arguments.end(), {name, fs::absolute(file).string()});

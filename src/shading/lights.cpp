@@ -114,12 +114,15 @@ class SceneLights final : public Lights {
     return rays_.emit(u_light, u_point, u_direction, out);
   }
   void want_emission() override { wants_emission_ = true; }
-  float emission(std::uint32_t emitter, const Vec3& wi, float distance) const override { return rays_.emission(emitter, wi, distance); }
-  float shape_emission(std::uint32_t light, std::uint32_t primitive) const override {
-    const std::uint32_t number = emitter_of(light, primitive);
-    return number == kNone || emitters_[number].invisible ? 0.f : rays_.emission(number, Vec3(0.f), 1.f);
+  void aim(std::span<const Bounds3> boxes, float share) override { rays_.aim(boxes, share); }
+  float emission(std::uint32_t emitter, const Vec3& p, const Vec3& wi, float distance) const override {
+    return rays_.emission(emitter, p, wi, distance);
   }
-  float infinite_emission(const Vec3& direction) const override { return rays_.infinite_emission(direction); }
+  float shape_emission(std::uint32_t light, std::uint32_t primitive, const Vec3& point, const Vec3& direction) const override {
+    const std::uint32_t number = emitter_of(light, primitive);
+    return number == kNone || emitters_[number].invisible ? 0.f : rays_.emission(number, point, direction, 0.f);
+  }
+  float infinite_emission(const Vec3& p, const Vec3& direction) const override { return rays_.infinite_emission(p, direction); }
   float pdf_of(const LightRay& ray, const Vec3& p, const Vec3& n) const override {
     const Emitter& e = emitters_[ray.emitter];
     float pdf = 1;
@@ -211,7 +214,7 @@ class SceneLights final : public Lights {
     if (e.invisible) out.delta = MaskOf<F>(true);
     if (wants_emission_)
       lanes::for_each(found, [&](std::size_t i) {
-        lanes::put(out.emission, i, rays_.emission(static_cast<std::uint32_t>(number), lanes::get(out.wi, i), lanes::get(out.distance, i)));
+        lanes::put(out.emission, i, rays_.emission(static_cast<std::uint32_t>(number), lanes::get(p, i), lanes::get(out.wi, i), lanes::get(out.distance, i)));
       });
     return found && out.pdf > 0.f && out.pdf < kInfinity;
   }

@@ -92,17 +92,20 @@ class Lights {
   // Rays that leave lights. What weighs them against the other ways to find light is their emission: the chance of the light
   // times, of a shape, the density of the point by area and that of the direction by solid angle over the cosine; of light
   // from outside, that of the direction, and of the point by area across it; of a point, that of the direction over the
-  // squared distance. (Shapes that a transformation distorts count as even: it is for weights only.)
+  // squared distance. It is for weights only: shapes that a transformation distorts count as even, and the cosine of a ray that
+  // is aimed as a half.
+  // Rays are aimed at the boxes from now on, a share of them if there are boxes; without, none is. Before the first one.
+  virtual void aim(std::span<const Bounds3> boxes, float share) = 0;
   // Samples tell their emission from now on. Before the first one.
   virtual void want_emission() = 0;
   // A ray out of a light of the scene. False: none, by these numbers.
   virtual bool emit(float u_light, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const = 0;
-  // wi, distance: to the light's point.
-  virtual float emission(std::uint32_t emitter, const Vec3& wi, float distance) const = 0;
-  // Of a point of the emissive shape `light`; 0: no rays leave it.
-  virtual float shape_emission(std::uint32_t light, std::uint32_t primitive) const = 0;
-  // Of all infinite lights.
-  virtual float infinite_emission(const Vec3& direction) const = 0;
+  // wi, distance: from p to the light's point.
+  virtual float emission(std::uint32_t emitter, const Vec3& p, const Vec3& wi, float distance) const = 0;
+  // Of a point of the emissive shape `light`, against `direction`; 0: no rays leave it.
+  virtual float shape_emission(std::uint32_t light, std::uint32_t primitive, const Vec3& point, const Vec3& direction) const = 0;
+  // Of all infinite lights, at p against `direction`.
+  virtual float infinite_emission(const Vec3& p, const Vec3& direction) const = 0;
   // What sample(p, n) has for the point of a ray that has left a light.
   virtual float pdf_of(const LightRay& ray, const Vec3& p, const Vec3& n) const = 0;
 };

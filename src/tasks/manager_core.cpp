@@ -62,8 +62,8 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
     return refuse("the host neither traces nor intersects: there is no work for it");
   if (job_.start.features() && can(hello, wire::TRACER) && !has_feature(hello, "layers"))
     return refuse("the job has layers of what paths see, and the host does not know how to tell it (\"layers\")");
-  if (job_.start.light_paths() != 0 && can(hello, wire::TRACER) && !has_feature(hello, "light paths"))
-    return refuse("the job has paths from lights, and the host does not know how to trace them (\"light paths\")");
+  if (job_.start.light_paths() != 0 && can(hello, wire::TRACER) && !has_feature(hello, "aimed light paths"))
+    return refuse("the job has paths from lights, and the host does not know how to trace them (\"aimed light paths\")");
   if (film_.sums_per_pixel() > 1 && can(hello, wire::RENDERER) && !has_feature(hello, "lobes"))
     return refuse("the scene's pixel filter has negative lobes, and the host does not know how to sum them apart (\"lobes\")");
   const std::uint64_t least = main_bytes() + job_.parts[0].build;

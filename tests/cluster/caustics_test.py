@@ -36,7 +36,7 @@ class Caustics(support.ClusterTest):
         self.assertTrue(np.array_equal(unsplit, wanted))
 
     def test_adaptive_samples(self):
-        bound = ("--max-error", 0.02, "--resolution", SIZE)
+        bound = ("--max-error", 0.004, "--resolution", SIZE)
         wanted, report = self.render("one", self.scene, "--threads", 1, *bound)
         self.assertGreater(len(report["convergence"]), 2, "no round was decided on")
         image, found = self.render("three", self.scene, "--hosts", 3, "--threads", 1, *bound)
@@ -44,7 +44,7 @@ class Caustics(support.ClusterTest):
         self.assertEqual(found["paths"], report["paths"])
 
     def test_a_worker_is_killed_and_then_the_manager(self):
-        spp, ports = 1500, support.free_ports(4)
+        spp, ports = 1000, support.free_ports(4)
         wanted, report = self.render("wanted", self.scene, "--spp", spp, "--resolution", SIZE, "--threads", 2)
         out, checkpoint = self.folder / "out.exr", self.folder / "out.ckpt"
         options = ("--spp", spp, "--resolution", SIZE, "--quiet", "--checkpoint", checkpoint)

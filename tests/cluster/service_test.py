@@ -18,12 +18,13 @@ class Service(service_support.ServiceTest):
     def test_users_render_side_by_side_and_see_only_their_own(self):
         self.serve()
         ann = self.submit("ann", support.SCENE, *FAST)
-        bob = self.submit("bob", support.SCENE, "--seed", 7, *FAST)
+        bobs = ["--seed", 7, "--light-paths", "all", *FAST]
+        bob = self.submit("bob", support.SCENE, *bobs)
         for user, job in ("ann", ann), ("bob", bob):
             state = self.wait_for_end(user, job)
             self.assertGreater(state["usage"]["rays"], 80 * 80 * 4)
         self.assertTrue(np.array_equal(self.picture("ann", ann), self.reference("ann", support.SCENE, *FAST)))
-        self.assertTrue(np.array_equal(self.picture("bob", bob), self.reference("bob", support.SCENE, "--seed", 7, *FAST)))
+        self.assertTrue(np.array_equal(self.picture("bob", bob), self.reference("bob", support.SCENE, *bobs)))
         # What hosts have measured is shared out among the jobs, with its price.
         self.wait_for(lambda: all(self.state("root", j)["usage"]["cpu_s"] > 0 for j in (ann, bob)), "nothing is metered")
         usage = self.state("ann", ann)["usage"]
