@@ -82,7 +82,7 @@ TEST_F(Images, WhatIsTooLargeToReadIsRefused) {
     open_image(path, true, why);
     ADD_FAILURE();
   } catch (const ClusterError& e) {
-    EXPECT_STREQ(e.what(), ("to read the 6000 x 6000 pixels of " + path + " takes 617 MiB, and this host may use 512 MiB").c_str());
+    EXPECT_STREQ(e.what(), ("to read the 6000 x 6000 pixels of " + path + " takes 514 MiB, and this host may use 512 MiB").c_str());
   }
   limit_images(std::uint64_t{2} << 30);
   EXPECT_TRUE(open_image(path, true, why)) << why;

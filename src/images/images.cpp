@@ -85,7 +85,7 @@ std::unique_ptr<ImageReader> open_image(const std::string& path, bool as_stored,
   auto image = loaded().module->open(path, as_stored, why);
   if (!image) return nullptr;
   const ImageInfo& i = image->info();
-  const double bytes = 1.0 * i.width * i.height * i.depth * i.channels * (i.bytes ? 6 : 8);
+  const double bytes = 1.0 * i.width * i.height * i.depth * i.channels * (i.bytes ? 5 : 8);
   const std::uint64_t most = largest;
   if (bytes <= static_cast<double>(most)) return image;
   throw ClusterError("to read the " + std::to_string(i.width) + " x " + std::to_string(i.height) + " pixels of " + path + " takes " +

@@ -35,7 +35,7 @@ class ImageReader {
 std::unique_ptr<ImageReader> open_image(const std::string& path, bool as_stored, std::string& why);
 
 // From now on open_image() throws ClusterError for what takes more than this to read and turn into texels (eight bytes a channel and
-// pixel, six of files with eight bits; but always half a gigabyte), so that no scene can exhaust a host with a small file.
+// pixel, five of files with eight bits; but always half a gigabyte), so that no scene can exhaust a host with a small file.
 void limit_images(std::uint64_t bytes);
 
 // A file of sRGB bytes in memory, three a pixel; of the format that `path` ends with. False: `why` says why not.

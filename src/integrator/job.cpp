@@ -50,6 +50,12 @@ bool may_be_specular(const SceneDescription& scene) {
   return std::ranges::find(materials, true) != materials.end();
 }
 
+// Photons show in mirrors and through glass, too, what they bring; our paths from lights end at what the camera sees without.
+bool misses_seen_caustics(const SceneDescription& scene, const std::string& type) {
+  return light_paths_for(type) == LightPaths::caustics &&
+         std::ranges::any_of(scene.lights, [](const LightDesc& l) { return l.type != "infinite" && l.type != "exinfinite"; });
+}
+
 // Why there are no paths from lights; empty: there can be.
 std::string no_light_paths(const SceneDescription& scene, const JobSettings& job) {
   const std::string& camera = scene.camera.type;
@@ -137,6 +143,8 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   if (is_same_transport(type)) {
     warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path" +
                                        (job.light_paths != LightPaths::none ? ", and with paths from lights" : ""));
+    if (job.light_paths != LightPaths::none && misses_seen_caustics(scene, type))
+      warnings.add(source->location, "caustics of lights without a size are missing where they are seen in mirrors or through glass");
     type = "path";
   }
   const int scene_depth = source->params.integer("maxdepth", 5);

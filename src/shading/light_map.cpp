@@ -25,15 +25,16 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   map.height = info.height;
   if (!read) return map;
   const auto count = static_cast<std::size_t>(info.width) * static_cast<std::size_t>(info.height);
-  std::vector<float> values(count * channels);
-  if (!input->read(info.channels, values.data(), why))
-    return give_up(why);
   map.texels.resize(count);
+  // Large maps are read to where they stay.
+  const bool in_place = info.rgb == std::array{0, 1, 2};
+  std::vector<float> values(in_place ? 0 : count * channels);
+  if (in_place ? !input->read(3, &map.texels[0].x, why) : !input->read(info.channels, values.data(), why)) return give_up(why);
   std::size_t bad = 0, negative = 0;
   for (std::size_t p = 0; p < count; ++p) {
-    for (std::size_t i = 0; i < 3; ++i)
-      map.texels[p][static_cast<int>(i)] =
-          values[p * channels + static_cast<std::size_t>(info.rgb[i])] * scale[static_cast<int>(i)];
+    for (std::size_t i = 0; !in_place && i < 3; ++i)
+      map.texels[p][static_cast<int>(i)] = values[p * channels + static_cast<std::size_t>(info.rgb[i])];
+    map.texels[p] *= scale;
     if (!is_finite(map.texels[p])) {
       map.texels[p] = Rgb(0.f);
       ++bad;

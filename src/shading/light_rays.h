@@ -48,8 +48,7 @@ class LightRays {
   Vec3 center_{};
   float radius_ = 0;
   Distribution1D choice_;
-  // Of each emitter: its chance, times, of a shape, the density of points, of a point, that of directions that are not aimed.
-  std::vector<float> even_;
+  std::vector<float> even_;  // of each emitter: its chance, times, of a shape, the density of points by area
   LightAims aims_;
   float aimed_ = 0;  // share of the rays
   std::vector<std::uint32_t> infinite_emitters_;

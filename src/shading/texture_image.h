@@ -41,6 +41,7 @@ struct ImageFilter {
 
 class ImagePyramid {
  public:
+  static constexpr std::size_t kPadding = 16;  // bytes behind the last texel, which four values at once may read
   enum class Format : std::uint8_t { byte, half, real };
   struct Level {
     int width = 1, height = 1;
@@ -61,7 +62,6 @@ class ImagePyramid {
 
  private:
   friend class ImageStore;
-  static constexpr std::size_t kPadding = 16;  // bytes behind the last texel, which four values at once may read
   Rgb bilinear(int level, const Vec2& st, WrapMode wrap) const;
   Rgb trilinear(const Vec2& st, float width, WrapMode wrap) const;
   Rgb ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) const;

@@ -1,6 +1,7 @@
 // From a file to a pyramid.
 #include <Imath/half.h>
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
 
@@ -13,7 +14,8 @@ namespace {
 struct Pixels {
   int width = 0, height = 0, channels = 1;  // 1, 3 or 4
   bool bytes = false;
-  std::vector<std::uint8_t> byte;  // as stored in the file
+  std::vector<std::byte> byte;  // as stored in the file
+  float unit(std::size_t i) const { return static_cast<float>(std::to_integer<int>(byte[i])) / 255.f; }
   std::vector<float> real;
   std::size_t row() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(channels);
@@ -30,6 +32,17 @@ std::unique_ptr<ImageReader> open_texture(const std::string& path, const FileLoc
   return file;
 }
 
+// Numbers of all levels behind the first.
+std::size_t smaller_levels(int w, int h, int channels) {
+  std::size_t sum = 0;
+  while (w > 1 || h > 1) {
+    w = std::max(1, w / 2);
+    h = std::max(1, h / 2);
+    sum += static_cast<std::size_t>(w) * static_cast<std::size_t>(h) * static_cast<std::size_t>(channels);
+  }
+  return sum;
+}
+
 Pixels read_pixels(const std::string& path, bool alpha, const FileLocation& where) {
   const auto file = open_texture(path, where);
   const ImageInfo& info = file->info();
@@ -42,8 +55,9 @@ Pixels read_pixels(const std::string& path, bool alpha, const FileLocation& wher
   std::string why;
   bool read = false;
   if (p.bytes) {
+    p.byte.reserve(count + 2 * smaller_levels(p.width, p.height, p.channels) + ImagePyramid::kPadding);
     p.byte.resize(count);
-    read = file->read(p.channels, p.byte.data(), why);
+    read = file->read(p.channels, reinterpret_cast<std::uint8_t*>(p.byte.data()), why);
   } else {
     p.real.resize(count);
     read = file->read(p.channels, p.real.data(), why);
@@ -61,7 +75,7 @@ void flip_rows(std::vector<T>& v, std::size_t row) {
                      v.begin() + static_cast<std::ptrdiff_t>((rows - 1 - y) * row));
 }
 
-bool is_grey(const std::vector<std::uint8_t>& v) {
+bool is_grey(const std::vector<std::byte>& v) {
   for (std::size_t i = 0; i + 2 < v.size(); i += 3)
     if (v[i] != v[i + 1] || v[i] != v[i + 2]) return false;
   return true;
@@ -79,7 +93,7 @@ void to_luminance(Pixels& p) {
   }
   std::vector<float> out(n);
   for (std::size_t i = 0; i < n; ++i) {
-    const Rgb c = p.bytes ? Rgb(p.byte[3 * i], p.byte[3 * i + 1], p.byte[3 * i + 2]) / 255.f
+    const Rgb c = p.bytes ? Rgb(p.unit(3 * i), p.unit(3 * i + 1), p.unit(3 * i + 2))
                           : Rgb(p.real[3 * i], p.real[3 * i + 1], p.real[3 * i + 2]);
     out[i] = luminance(c);
   }
@@ -94,7 +108,7 @@ bool to_mean(Pixels& p, const ImageEncoding& encoding) {
   const auto channels = static_cast<std::size_t>(p.channels);
   const std::size_t n = (p.bytes ? p.byte.size() : p.real.size()) / channels;
   const auto value = [&](std::size_t i, std::size_t c) {
-    return p.bytes ? static_cast<float>(p.byte[channels * i + c]) / 255.f : p.real[channels * i + c];
+    return p.bytes ? p.unit(channels * i + c) : p.real[channels * i + c];
   };
   bool masked = false;
   for (std::size_t i = 0; channels == 4 && i < n; ++i) masked = masked || value(i, 3) != 1.f;
@@ -113,9 +127,10 @@ bool to_mean(Pixels& p, const ImageEncoding& encoding) {
   return true;
 }
 
-// The mean over the covered area: halves each side, rounding down, at least 1.
-std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channels, int out_w,
-                          int out_h) {
+// The mean over the covered area: halves each side, rounding down, at least 1. row(y) gives a row of the larger level, valid
+// until the one three rows further down is asked for.
+template <class Row>
+std::vector<float> shrink(Row row, int w, int h, int channels, int out_w, int out_h) {
   const auto ch = static_cast<std::size_t>(channels);
   const auto axis = [](int from,
                        int to) {  // for each output: first input and weights of up to three
@@ -140,27 +155,49 @@ std::vector<float> shrink(const std::vector<float>& in, int w, int h, int channe
   std::vector<float> out(static_cast<std::size_t>(out_w) * static_cast<std::size_t>(out_h) * ch,
                          0.f);
   std::size_t o = 0;
-  for (const auto& [y0, wy] : ys)
+  for (const auto& [y0, wy] : ys) {
+    std::array<const float*, 3> in{};
+    for (std::size_t j = 0; j < 3; ++j)
+      if (wy[j] != 0.f) in[j] = row(y0 + static_cast<int>(j));
     for (const auto& [x0, wx] : xs) {
       for (std::size_t j = 0; j < 3; ++j)
         for (std::size_t i = 0; i < 3; ++i) {
           const float weight = wy[j] * wx[i];
           if (weight == 0.f) continue;
-          const std::size_t at = ((static_cast<std::size_t>(y0) + j) * static_cast<std::size_t>(w) +
-                                  static_cast<std::size_t>(x0) + i) *
-                                 ch;
-          for (std::size_t c = 0; c < ch; ++c) out[o + c] += weight * in[at + c];
+          const float* const at = in[j] + (static_cast<std::size_t>(x0) + i) * ch;
+          for (std::size_t c = 0; c < ch; ++c) out[o + c] += weight * at[c];
         }
       o += ch;
     }
+  }
   return out;
 }
 
-bool fits_half(const std::vector<float>& v) {
-  for (float x : v)
-    if (!(std::fabs(x) <= 65504.f)) return false;
-  return true;
-}
+// Rows of a picture of bytes as numbers, the last three of them kept.
+class DecodedRows {
+ public:
+  DecodedRows(const std::byte* texels, std::size_t row, const std::array<float, 256>& decode) : texels_(texels), row_(row), decode_(decode) {
+    for (std::vector<float>& r : rows_) r.resize(row);
+  }
+  const float* operator()(int y) {
+    const auto slot = static_cast<std::size_t>(y % 3);
+    std::vector<float>& out = rows_[slot];
+    if (which_[slot] == y) return out.data();
+    which_[slot] = y;
+    const std::byte* const in = texels_ + static_cast<std::size_t>(y) * row_;
+    for (std::size_t i = 0; i < row_; ++i) out[i] = decode_[std::to_integer<std::size_t>(in[i])];
+    return out.data();
+  }
+
+ private:
+  const std::byte* texels_;
+  std::size_t row_;
+  const std::array<float, 256>& decode_;
+  std::array<std::vector<float>, 3> rows_;
+  std::array<int, 3> which_{-1, -1, -1};
+};
+
+bool fits_half(float x) { return std::fabs(x) <= 65504.f; }
 
 void append(std::vector<std::byte>& out, const std::vector<float>& v, bool half) {
   const std::size_t at = out.size();
@@ -194,27 +231,32 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
   auto pyramid = std::make_unique<ImagePyramid>();
   pyramid->channels_ = p.channels;
   std::vector<std::byte>& texels = pyramid->resident_;
-  std::vector<float> level;
+  const std::size_t behind = smaller_levels(p.width, p.height, p.channels);
+  int w = p.width, h = p.height;
+  std::vector<float> level;  // that is finished last; of bytes from the second on
+  bool half = true;
   if (p.bytes) {
-    for (std::size_t i = 0; i < 256; ++i)
-      pyramid->decode_[i] = encoding.decode(static_cast<float>(i) / 255.f);
-    texels.resize(p.byte.size());
-    std::memcpy(texels.data(), p.byte.data(), p.byte.size());
-    level.reserve(p.byte.size());
-    for (std::uint8_t b : p.byte) level.push_back(pyramid->decode_[b]);
-    p.byte = {};
+    for (std::size_t i = 0; i < 256; ++i) pyramid->decode_[i] = encoding.decode(static_cast<float>(i) / 255.f);
+    for (const std::byte b : p.byte) half = half && fits_half(pyramid->decode_[std::to_integer<std::size_t>(b)]);
+    texels = std::move(p.byte);
+    texels.reserve(texels.size() + behind * (half ? 2 : 4) + ImagePyramid::kPadding);
   } else {
     level = std::move(p.real);
     for (float& x : level) x = decoded ? x : std::isfinite(x) ? encoding.decode(x) : 0.f;
+    half = std::ranges::all_of(level, fits_half);
+    texels.reserve((level.size() + behind) * (half ? 2 : 4) + ImagePyramid::kPadding);
   }
-  const bool half = fits_half(level);  // means of values that fit do fit
-  int w = p.width, h = p.height;
+  // Means of values that fit do fit.
   const auto format = half ? ImagePyramid::Format::half : ImagePyramid::Format::real;
   pyramid->levels_.push_back({w, h, p.bytes ? ImagePyramid::Format::byte : format, 0});
   if (!p.bytes) append(texels, level, half);
   while (w > 1 || h > 1) {
     const int next_w = std::max(1, w / 2), next_h = std::max(1, h / 2);
-    level = shrink(level, w, h, p.channels, next_w, next_h);
+    const std::size_t row = static_cast<std::size_t>(w) * static_cast<std::size_t>(p.channels);
+    if (level.empty())
+      level = shrink(DecodedRows(texels.data(), row, pyramid->decode_), w, h, p.channels, next_w, next_h);
+    else
+      level = shrink([&](int y) { return level.data() + static_cast<std::size_t>(y) * row; }, w, h, p.channels, next_w, next_h);
     w = next_w;
     h = next_h;
     pyramid->levels_.push_back({w, h, format, texels.size()});
