@@ -8,6 +8,7 @@ cloudrenderer_test(shading_tests LABEL unit SHARDS 4
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_choice_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_distribution_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_map_test.cpp
+          ${CMAKE_CURRENT_LIST_DIR}/shading_light_picture_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_light_rays_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_lights_test.cpp
           ${CMAKE_CURRENT_LIST_DIR}/shading_material_params_test.cpp

@@ -44,7 +44,7 @@ float quadric_density(const Lights& lights, std::uint32_t light, const Quadric& 
   QuadricHit hit;
   if (!intersect(q, p, d, 0, kInfinity, hit)) return 0.f;
   const SurfacePoint s = surface_point(q, q.object_to_world.swaps_handedness(), p, d, hit.t);
-  if (is_black(lights.emitted(light, s.ng, d, 0))) return 0.f;
+  if (is_black(lights.emitted(light, s.ng, d, 0, {}))) return 0.f;
   return lights.emitted_pdf(light, p, n, d, hit.t, s.p, s.ng, 0);
 }
 float mesh_density(const Lights& lights, std::uint32_t light, const std::vector<Vec3>& vertices, const std::vector<Triangle>& triangles,
@@ -58,7 +58,7 @@ float mesh_density(const Lights& lights, std::uint32_t light, const std::vector<
     const double b0 = glm::dot(e1, side) / volume, b1 = -glm::dot(e0, side) / volume;
     if (!(t > 0 && b0 >= 0 && b1 >= 0 && b0 + b1 <= 1)) continue;
     const Vec3 ng(glm::normalize(normal));
-    if (is_black(lights.emitted(light, ng, d, i))) continue;
+    if (is_black(lights.emitted(light, ng, d, i, {}))) continue;
     sum += lights.emitted_pdf(light, p, n, d, static_cast<float>(t), p + d * static_cast<float>(t), ng, i);
   }
   return sum;

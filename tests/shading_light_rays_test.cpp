@@ -115,6 +115,16 @@ TEST(LightRays, OfShapes) {
   expect_same_flux([&] { return Scene().quadric(cylinder, Rgb(2)); });
 }
 
+TEST(LightRays, OfAPicture) {
+  const MapFile map(16, 8, rough);
+  expect_same_flux([&] {
+    Scene scene;
+    scene.description.dialect = Dialect::v3;
+    scene.mesh({kPlace, kPlace + Vec3(0.1f, 0, 0.05f), kPlace + Vec3(0, 0.2f, 0)}, {{0, 2, 1}}, Rgb(4), {string("filename", map.path())});
+    return scene.with_uvs({{0, 0}, {1, 0}, {0, 1}});
+  });
+}
+
 TEST(LightRays, OfManyLights) {
   expect_same_flux([] {
     return Scene()

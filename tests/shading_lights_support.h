@@ -39,6 +39,7 @@ struct Scene {
   SceneDescription description;
   std::vector<AreaLightId> shape_lights;
   std::vector<Vec3> positions;
+  std::vector<Vec2> uvs;
   std::vector<Triangle> triangles;
   std::vector<MeshChunk> chunks;
   std::vector<QuadricRecord> quadrics;
@@ -78,9 +79,16 @@ struct Scene {
     chunks.push_back(c);
     return *this;
   }
+  // Of the mesh that was added last, by vertex.
+  Scene& with_uvs(const std::vector<Vec2>& uv) {
+    chunks.back().first_uv = static_cast<std::uint32_t>(uvs.size());
+    uvs.insert(uvs.end(), uv.begin(), uv.end());
+    return *this;
+  }
   std::unique_ptr<Lights> build() {
     Part part;
     part.positions = positions;
+    part.uvs = uvs;
     part.triangles = triangles;
     part.chunks = chunks;
     part.quadrics = quadrics;
@@ -132,15 +140,16 @@ inline void expect_ratio(const Rgb& a, const Rgb& b, float tolerance = 0.01f) {
 
 class MapFile {
  public:
-  MapFile(int width, int height, const std::function<Rgb(int, int)>& f) {
+  MapFile(int width, int height, const std::function<Rgb(int, int)>& f, const char* extension = ".exr") {
     path_ = (std::filesystem::temp_directory_path() /
-             ("lights_test_" + std::to_string(::getpid()) + ".exr"))
+             ("lights_test_" + std::to_string(::getpid()) + extension))
                 .string();
     std::vector<Rgb> pixels;
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) pixels.push_back(f(x, y));
     const auto out = OIIO::ImageOutput::create(path_);
-    const OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::FLOAT);
+    const bool bytes = std::string(extension) == ".png";
+    const OIIO::ImageSpec spec(width, height, 3, bytes ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT);
     if (!out || !out->open(path_, spec) ||
         !out->write_image(OIIO::TypeDesc::FLOAT, pixels.data()) || !out->close())
       throw std::runtime_error("cannot write " + path_);

@@ -131,9 +131,9 @@ TEST(AreaLights, ShineByTheirNormal) {
                 {color("scale", Rgb(2)), test::integer("samples", 4)});
   scene.quadric(sphere(Vec3(5), 1), {1, 2, 3}, false, {boolean("twosided", true)});
   const auto lights = scene.build();
-  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 0), Rgb(2, 4, 6));
-  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, 1}, 0), Rgb(0));
-  EXPECT_EQ(lights->emitted(1, {0, 0, 1}, {0, 0, 1}, 0), Rgb(1, 2, 3));
+  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 0, {}), Rgb(2, 4, 6));
+  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, 1}, 0, {}), Rgb(0));
+  EXPECT_EQ(lights->emitted(1, {0, 0, 1}, {0, 0, 1}, 0, {}), Rgb(1, 2, 3));
   EXPECT_TRUE(scene.warnings.list().empty());
 }
 
@@ -149,11 +149,11 @@ TEST(AreaLights, ShareOutPower) {
   scene.quadric(sphere(Vec3(9), 2), Rgb(1), false, {reals("power", {32 * kPi * kPi})});
   const auto lights = scene.build();
   const auto radiance = [&](std::uint32_t light, std::uint32_t primitive) {
-    return lights->emitted(light, {0, 0, 1}, {0, 0, -1}, primitive).x;
+    return lights->emitted(light, {0, 0, 1}, {0, 0, -1}, primitive, {}).x;
   };
   EXPECT_FLOAT_EQ(radiance(0, 0), 3);
   EXPECT_FLOAT_EQ(radiance(0, 1), 6);
-  EXPECT_FLOAT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 1).z, 18);
+  EXPECT_FLOAT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 1, {}).z, 18);
   EXPECT_FLOAT_EQ(radiance(1, 1), 3);
   EXPECT_FLOAT_EQ(radiance(2, 0), 1.5f);
   EXPECT_FLOAT_EQ(radiance(2, 1), 1.5f);
@@ -192,7 +192,7 @@ TEST(AreaLights, LeaveUnsampledShapesToRays) {
   LightSample s;
   EXPECT_FALSE(lights->empty());
   EXPECT_FALSE(lights->sample({0, 0, 9}, {0, 0, -1}, 0.5f, Vec2(0.5f), s));
-  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 0), Rgb(3));
+  EXPECT_EQ(lights->emitted(0, {0, 0, 1}, {0, 0, -1}, 0, {}), Rgb(3));
   EXPECT_EQ(lights->emitted_pdf(0, {0, 0, 9}, {0, 0, -1}, {0, 0, -1}, 8, {0, 0, 1}, {0, 0, 1}, 0),
             0);
 }

@@ -94,7 +94,7 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
   PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
   std::uint32_t material, light;
-  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs().uv);
+  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.uv_);
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
   if (tracer.shading_->is_null(material)) {
     if (++s.passed > kMaxPassed) return end();

@@ -88,6 +88,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
     return {shading->alpha(texture, uv, p), shading->alpha_by_chance(texture)};
   });
   lights_ = Lights::build(manifest.scene, manifest.shape_lights, main_part, manifest.bounds, warnings);
+  uv_ = shading_->needs().uv || lights_->has_pictures();
   even_lobes_ = lights_->has_v2_disk();
   first_pair_ = lights_->has_choice() ? 0 : 1;
   fixed_units_ = fixed_units(job.k);

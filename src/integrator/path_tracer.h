@@ -87,6 +87,7 @@ class PathTracer final : public PathEngine {
   bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::has_v2_disk)
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool footprint_;
+  bool uv_ = false;  // points on surfaces are asked for theirs
   std::uint32_t shape_lights_;  // their number
   bool motion_;      // some instance moves: rays have times
   bool subsurface_;  // some material has a medium inside

@@ -289,7 +289,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   PathSegment& s = *path;
   const JobSettings& job = tracer.job_;
   std::uint32_t material, light;
-  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs().uv);
+  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.uv_);
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
 
   if (tells_features() && !tracer.shading_->is_null(material)) tell_surface(hit, material, p);
@@ -298,7 +298,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     return;
   }
   if (light != kNone) {
-    const Rgb radiance = tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive);
+    const Rgb radiance = tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive, p.uv);
     if (!is_black(radiance)) {
       const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive, p.p, s.direction) : 0.f;
       if (s.flags & kSpecularBounce) {

@@ -165,9 +165,9 @@ void PathTracer::Shader::walk(Hit hit) {
 bool PathTracer::Shader::walk_meets(const Hit& hit, const Step& step) {
   PathSegment& s = *path;
   std::uint32_t material, light;
-  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.shading_->needs().uv);
+  SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.uv_);
   if (light != kNone && s.vertex <= tracer.job_.emission_vertex)
-    add(s.throughput * tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive));
+    add(s.throughput * tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive, p.uv));
   const auto goes_on = [&](const Vec3& direction) {
     s.origin = ray_start(p.p, ray_offset(p.p, p.p_error, p.ng), p.ng, direction);
     s.direction = direction;

@@ -24,7 +24,7 @@ constexpr LanguageRow kRows[] = {
     {"LightSource", "spot", kInV4, kDone, "spectrum I, float scale, float power, point3 from, point3 to, float coneangle, float conedeltaangle", ""},
     {"AreaLightSource", "area", kInV2, kDone, "spectrum L, spectrum scale, -integer nsamples", "as diffuse"},
     {"AreaLightSource", "diffuse", kV23, kDone, "spectrum L, spectrum scale, -integer nsamples, -integer samples@v3, bool twosided@v3", "shapes inside of objects do not shine"},
-    {"AreaLightSource", "diffuse", kInV4, kDone, "spectrum L, float scale, float power, bool twosided, ~string filename", "the power of every triangle or bilinear patch, as pbrt counts it; quads of a plymesh are two triangles; the mean of a picture shines; shapes inside of objects do not"},
+    {"AreaLightSource", "diffuse", kInV4, kDone, "spectrum L, float scale, float power, bool twosided, string filename", "the power of every triangle or bilinear patch, as pbrt counts it; quads of a plymesh are two triangles; on shapes that are no meshes the mean of a picture shines; shapes inside of objects do not"},
 };
 // clang-format on
 

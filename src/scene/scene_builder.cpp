@@ -404,6 +404,9 @@ void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
       warn_once(shape.location, "area lights on moving shapes do not shine, as in pbrt: ignored");
     } else {
       AreaLightSource& light = *state.area_light;
+      static constexpr std::array<std::string_view, 4> kMeshes{"trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv"};
+      if (is_v4_ && light.entity.params.has("filename") && std::ranges::find(kMeshes, shape.type) == kMeshes.end())
+        warn_once(shape.location, "a light's picture on a " + shape.type + ": its mean shines");
       // Each patch has the power that is given, not each of its two triangles.
       const bool patches = shape.type == "bilinearmesh" && light.entity.params.has("power");
       AreaLightId& id = light.ids[(patches ? 1u : 0u) + (invisible ? 2u : 0u)];

@@ -84,8 +84,12 @@ void V4Translator::light(Entity& e, DMat4& ctm) const {
   const float power = p.real("power", -1.f), illuminance = p.real("illuminance", -1.f);
   p.take("power");
   const auto move_to = [&](const Vec3& from) { ctm = ctm * translate(DVec3(from)); };
-  const auto map = [&] {
+  const auto decoded = [&] {
     p.rename("filename", "mapname");
+    if (p.has("mapname")) p.add(make_bool("srgb", true, e.location));
+  };
+  const auto map = [&] {
+    decoded();
     p.add(make_string("mapping", "equalarea", e.location));
   };
   if (e.type == "point") {
@@ -118,7 +122,7 @@ void V4Translator::light(Entity& e, DMat4& ctm) const {
     map();
     if (power > 0.f) p.add(make_real("power", power, e.location));  // its map tells how bright this is
   } else if (e.type == "projection") {
-    p.rename("filename", "mapname");
+    decoded();
     if (power > 0.f) p.add(make_real("power", power, e.location));
     if (!p.has("fov")) p.add(make_real("fov", 90.f, e.location));
     ctm = ctm * cloudrenderer::scale(DVec3(1, -1, 1));
@@ -155,9 +159,7 @@ void V4Translator::medium(Entity& e) const {
 }
 
 void V4Translator::area_light(Entity& e) const {
-  const ParamSet& p = e.params;
-  if (p.has("filename"))
-    warn_(e.location, "the light's picture " + p.string("filename", "") + ": its mean shines");
+  if (e.params.has("filename")) e.params.add(make_bool("srgb", true, e.location));
 }
 
 }  // namespace cloudrenderer

@@ -4,6 +4,26 @@
 
 namespace cloudrenderer {
 
+Rgb EmitterPicture::radiance(const Vec3& p) const {
+  return scale * clamped(*map, uv0 + Vec2(glm::dot(p - corner, u), glm::dot(p - corner, v)));
+}
+
+EmitterPicture make_picture(const Emission& emission, float power, const std::array<Vec3, 3>& p, const std::array<Vec2, 3>& uv) {
+  EmitterPicture out;
+  out.map = emission.picture.get();
+  out.scale = emission.scale * power;
+  out.corner = p[0];
+  out.uv0 = uv[0];
+  // The dual of the two edges within their plane.
+  const glm::dvec3 e0(p[1] - p[0]), e1(p[2] - p[0]);
+  const double a = glm::dot(e0, e0), b = glm::dot(e0, e1), c = glm::dot(e1, e1), det = a * c - b * b;
+  const glm::dvec3 d0 = (c * e0 - b * e1) / det, d1 = (a * e1 - b * e0) / det;
+  const auto gradient = [&](int i) { return Vec3(static_cast<double>(uv[1][i] - uv[0][i]) * d0 + static_cast<double>(uv[2][i] - uv[0][i]) * d1); };
+  out.u = gradient(0);
+  out.v = gradient(1);
+  return out;
+}
+
 std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights, Warnings& warnings,
                                    bool read_maps) {
   std::vector<Emission> sources;
@@ -11,10 +31,15 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
     Emission e;
     if (desc.type == "diffuse" || desc.type == "area") {
       e.radiance = light_color(desc.params, "L", desc.location, warnings);
-      if (const std::string path = desc.params.string("filename", ""); !path.empty())
-        e.radiance *= mean(read_light_map(path, Rgb(1.f), read_maps, desc.location,
-                                             "the light is even", warnings));
       e.power = std::max(0.f, desc.params.real("power", 0.f));
+      e.scale = e.radiance;
+      if (auto map = read_light_map(desc, "filename", Rgb(1.f), read_maps, "the light is even", warnings); !map.empty()) {
+        const Rgb average = mean(map);
+        // A power is that of the picture.
+        if (e.power > 0.f) e.scale /= std::max(luminance(average), 1e-30f);
+        e.radiance = e.scale * average;
+        e.picture = std::make_shared<LightMap>(std::move(map));
+      }
       e.patches = desc.params.boolean("patches", false);
       e.invisible = desc.params.boolean("invisible", false);
       if (!is_finite(e.radiance) || !(e.power < kInfinity))

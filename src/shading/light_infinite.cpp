@@ -31,12 +31,10 @@ InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool rea
   if (!desc.light_to_world.is_invertible() || !std::isfinite(inverse_volume_))
     throw SceneError{desc.location, "the light's transformation cannot be inverted"};
   mean_ = constant_;
-  if (const std::string path = desc.params.string("mapname", ""); !path.empty()) {
-    LightMap map = read_light_map(path, constant_, read, desc.location, "the light is constant", warnings);
-    width_ = map.width;
-    height_ = map.height;
-    texels_ = std::move(map.texels);
-  }
+  LightMap map = read_light_map(desc, "mapname", constant_, read, "the light is constant", warnings);
+  width_ = map.width;
+  height_ = map.height;
+  texels_ = std::move(map.texels);
   const float wanted = desc.params.real("illuminance", -1.f);
   const bool square = desc.params.string("mapping", "") == "equalarea";
   equal_area_ = square && width_ == height_;

@@ -3,14 +3,18 @@
 #include <cmath>
 
 #include "base/portable_math.h"
-#include "images/images.h"
 #include "base/equal_area.h"
+#include "images/images.h"
+#include "shading/texture_image.h"
 
 namespace cloudrenderer {
 
-LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
-                        const FileLocation& where, const char* instead, Warnings& warnings) {
+LightMap read_light_map(const Entity& light, const char* name, const Rgb& scale, bool read, const char* instead, Warnings& warnings) {
   LightMap map;
+  const FileLocation& where = light.location;
+  const std::string path = light.params.string(name, "");
+  const bool decodes = light.params.boolean("srgb", false);
+  if (path.empty()) return map;
   const auto give_up = [&](const std::string& why) {
     warnings.add(where, "the map " + path + " cannot be read (" + why + "), " + instead);
     return LightMap{};
@@ -30,10 +34,14 @@ LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
   const bool in_place = info.rgb == std::array{0, 1, 2};
   std::vector<float> values(in_place ? 0 : count * channels);
   if (in_place ? !input->read(3, &map.texels[0].x, why) : !input->read(info.channels, values.data(), why)) return give_up(why);
+  ImageEncoding srgb;
+  srgb.srgb = true;
   std::size_t bad = 0, negative = 0;
   for (std::size_t p = 0; p < count; ++p) {
     for (std::size_t i = 0; !in_place && i < 3; ++i)
       map.texels[p][static_cast<int>(i)] = values[p * channels + static_cast<std::size_t>(info.rgb[i])];
+    if (decodes && !info.is_float)
+      for (int i = 0; i < 3; ++i) map.texels[p][i] = srgb.decode(map.texels[p][i]);
     map.texels[p] *= scale;
     if (!is_finite(map.texels[p])) {
       map.texels[p] = Rgb(0.f);
@@ -54,8 +62,7 @@ DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warn
     : kind_(kind), world_to_light_(glm::mat3(desc.light_to_world.inverse_matrix())) {
   if (!desc.light_to_world.is_invertible())
     throw SceneError{desc.location, "the light's transformation cannot be inverted"};
-  if (const std::string path = desc.params.string("mapname", ""); !path.empty())
-    map_ = read_light_map(path, Rgb(1.f), read, desc.location, "the light is even", warnings);
+  map_ = read_light_map(desc, "mapname", Rgb(1.f), read, "the light is even", warnings);
   if (!map_.empty()) {
     largest_ = Rgb(0.f);
     for (const Rgb& texel : map_.texels) largest_ = glm::max(largest_, texel);
@@ -139,6 +146,20 @@ Rgb mean(const LightMap& map) {
   glm::dvec3 sum(0);
   for (const Rgb& texel : map.texels) sum += glm::dvec3(texel);
   return Rgb(sum / static_cast<double>(map.texels.size()));
+}
+
+Rgb clamped(const LightMap& map, Vec2 uv) {
+  if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) uv = Vec2(0.f);
+  const auto axis = [](float x, int size, int& low, int& high) {
+    const float at = std::clamp(x, -1.f, 2.f) * static_cast<float>(size) - 0.5f, floor = std::floor(at);
+    low = std::clamp(static_cast<int>(floor), 0, size - 1);
+    high = std::clamp(static_cast<int>(floor) + 1, 0, size - 1);
+    return at - floor;
+  };
+  int x0, x1, y0, y1;
+  const float s = axis(uv.x, map.width, x0, x1), t = axis(1.f - uv.y, map.height, y0, y1);
+  const auto texel = [&](int x, int y) { return map.texels[static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) + static_cast<std::size_t>(x)]; };
+  return (texel(x0, y0) * (1.f - s) + texel(x1, y0) * s) * (1.f - t) + (texel(x0, y1) * (1.f - s) + texel(x1, y1) * s) * t;
 }
 
 }  // namespace cloudrenderer

@@ -16,13 +16,14 @@ struct LightMap {
   bool empty() const { return texels.empty(); }
 };
 
-// Values as they are in the file, times `scale`: pbrt takes 8 bit maps as linear too. Without
-// `read` the file is only opened. Empty, with a warning, when it cannot be read; the warning ends
-// with `instead`.
-LightMap read_light_map(const std::string& path, const Rgb& scale, bool read,
-                        const FileLocation& where, const char* instead, Warnings& warnings);
+// The picture of the light's parameter `name`, times `scale`. Values are as in the file, of 8 bits too, but for pbrt-v4
+// ("srgb"), which decodes them unless they are floats. Without `read` the file is only opened. Empty without the parameter
+// and, with a warning that ends with `instead`, when it cannot be read.
+LightMap read_light_map(const Entity& light, const char* name, const Rgb& scale, bool read, const char* instead, Warnings& warnings);
 
 Rgb mean(const LightMap& map);  // 1 of an empty one
+// As pbrt-v4 looks up the picture of an area light: bilinear, clamped, the first row at v = 1. Any uv.
+Rgb clamped(const LightMap& map, Vec2 uv);
 
 // Bilinear and repeating, as pbrt's level 0; the first row is at v = 0. uv in [0, 1].
 inline Rgb bilinear(std::span<const Rgb> texels, int width, int height, const Vec2& uv) {

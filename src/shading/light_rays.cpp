@@ -135,7 +135,8 @@ bool LightRays::emit_from_shape(const Emitter& e, const Vec2& u_point, const Vec
   constexpr float kError = 0x1p-20f;
   const Vec3 size = glm::abs(p) + glm::abs(e.position) + glm::abs(e.edge0) + glm::abs(e.edge1);
   out.origin = ray_start(p, ray_offset(p, size * kError, n), n, out.direction);
-  out.weight = e.radiance * (cosine / (area_pdf * pdf));
+  const Rgb radiance = e.picture == kNone ? e.radiance : records_.pictures[e.picture].radiance(p);
+  out.weight = radiance * (cosine / (area_pdf * pdf));
   out.normal = n;
   return true;
 }

@@ -17,6 +17,7 @@ struct EmitterRecords {
   std::span<const DirectionalMap> maps;
   std::span<const EmissiveQuadric> quadrics;
   std::span<const InfiniteLight> infinite;
+  std::span<const EmitterPicture> pictures;
 };
 
 // Chooses emitters half by their power, half evenly; points on shapes by area and directions by the cosine, directions of

@@ -2,6 +2,7 @@
 // What the lights of a scene become: plain records that one switch samples. Private to the lights.
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -26,6 +27,8 @@ enum class EmitterKind : std::uint8_t {
   quadric         // part of a disk, cylinder: by area
 };
 
+struct LightMap;
+
 // The smallest thing that is chosen: a light of the scene, or one triangle (or parallelogram) of an
 // emissive mesh.
 struct Emitter {
@@ -34,6 +37,7 @@ struct Emitter {
   bool outward = true;      // sphere: the outside emits
   bool invisible = false;   // no ray finds it: samples have all of the weight
   std::uint32_t index = 0;  // of its spot cone, map, infinite light or quadric
+  std::uint32_t picture = kNone;  // of a triangle: its number among those of the lights; `radiance` is the mean then
   Rgb radiance{0};          // or intensity
   Vec3 position{};          // or centre, or corner
   Vec3 edge0{}, edge1{};    // of triangles and parallelograms; a disk's half axes
@@ -49,7 +53,20 @@ struct Emission {
   float power = 0;      // pbrt-v4: of each primitive, which shines by radiance * power / (pi * its area * its sides)
   bool patches = false;  // two triangles are one of them
   bool invisible = false;  // pbrt-v4: its alpha is 0 everywhere
+  std::shared_ptr<const LightMap> picture;  // pbrt-v4: the radiance of triangles is `scale` times it, that of others `radiance`
+  Rgb scale{1};
 };
+
+// A triangle with a picture; uv by its place.
+struct EmitterPicture {
+  const LightMap* map = nullptr;  // of an Emission
+  Rgb scale{1};
+  Vec3 corner{}, u{}, v{};  // uv = uv0 + (dot(p - corner, u), dot(p - corner, v))
+  Vec2 uv0{};
+  Rgb radiance(const Vec3& p) const;
+};
+// Of corners with an area, and their uvs.
+EmitterPicture make_picture(const Emission& emission, float power, const std::array<Vec3, 3>& p, const std::array<Vec2, 3>& uv);
 
 struct SpotCone {
   glm::mat3 world_to_light{1.f};

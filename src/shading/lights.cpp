@@ -23,9 +23,10 @@ class SceneLights final : public Lights {
     emissions_ = read_emissions(scene, shape_lights, warnings, read_maps);
     emits_ = std::ranges::any_of(emissions_, [](const Emission& e) { return !is_black(e.radiance); });
     ranges_.resize(emissions_.size());
+    is_mesh_.resize(emissions_.size());
     add_shapes(part, scene.dialect);
     choice_ = LightChoice(bounds_);
-    rays_ = LightRays({emitters_, spots_, maps_, quadrics_, infinite_}, bounds);
+    rays_ = LightRays({emitters_, spots_, maps_, quadrics_, infinite_, pictures_}, bounds);
     bounds_ = {};
   }
 
@@ -42,6 +43,7 @@ class SceneLights final : public Lights {
                       emissions_.size() * sizeof(Emission) + powers_.size() * sizeof(float) + rays_.bytes();
     for (const InfiniteLight& light : infinite_) n += light.bytes();
     for (const DirectionalMap& map : maps_) n += map.bytes();
+    n += pictures_.size() * sizeof(EmitterPicture);
     return n;
   }
 
@@ -93,10 +95,14 @@ class SceneLights final : public Lights {
   Rgb escaped(const Vec3& direction) const override { return all_infinite<float>(true, direction); }
   Vec3x8 escaped(Mask8 active, const Vec3x8& direction) const override { return all_infinite<Float8>(active, direction); }
 
-  Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec3& direction, std::uint32_t primitive) const override {
+  Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec3& direction, std::uint32_t primitive, const Vec2& uv) const override {
     const Emission& e = emissions_[light];
     if (!(e.two_sided || glm::dot(ng, direction) < 0.f)) return Rgb(0.f);
-    return e.power > 0.f ? e.radiance * power_factor(light, primitive) : e.radiance;
+    const Rgb radiance = e.picture && is_mesh_[light] ? e.scale * clamped(*e.picture, uv) : e.radiance;
+    return e.power > 0.f ? radiance * power_factor(light, primitive) : radiance;
+  }
+  bool has_pictures() const override {
+    return std::ranges::any_of(emissions_, [](const Emission& e) { return e.picture != nullptr; });
   }
 
   float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction,
@@ -212,6 +218,10 @@ class SceneLights final : public Lights {
       out.radiance = all_infinite<F>(found, p, n, out.wi, out.pdf);
     out.weight_pdf = is_v2_disk(e) ? own_pdf : out.pdf;
     if (e.invisible) out.delta = MaskOf<F>(true);
+    if (e.picture != kNone)
+      lanes::for_each(found, [&](std::size_t i) {
+        lanes::put(out.radiance, i, pictures_[e.picture].radiance(lanes::get(p, i) + lanes::get(out.wi, i) * lanes::get(out.distance, i)));
+      });
     if (wants_emission_)
       lanes::for_each(found, [&](std::size_t i) {
         lanes::put(out.emission, i, rays_.emission(static_cast<std::uint32_t>(number), lanes::get(p, i), lanes::get(out.wi, i), lanes::get(out.distance, i)));
@@ -341,7 +351,10 @@ class SceneLights final : public Lights {
 
   void add_shapes(const Part& part, Dialect dialect) {
     for (const MeshChunk& chunk : part.chunks)
-      if (chunk.light < emissions_.size()) reserve(chunk, part);
+      if (chunk.light < emissions_.size()) {
+        reserve(chunk, part);
+        is_mesh_[chunk.light] = true;
+      }
     for (const QuadricRecord& record : part.quadrics)
       if (record.light < emissions_.size()) ranges_[record.light].count = 1;
     std::uint32_t total = 0;
@@ -434,7 +447,7 @@ class SceneLights final : public Lights {
       if (i + 1 < chunk.triangle_count) {
         const TriangleVertices b = vertices_of(part, chunk, chunk.first_triangle + i + 1);
         Vec3 corner, edge0, edge1;
-        if (parallelogram(a.p, b.p, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
+        if (!emission.picture && parallelogram(a.p, b.p, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
           if (auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n, radiance(i), emission.two_sided)) {
             made->emitter.invisible = emission.invisible;
             slot(i) = slot(i + 1) = add(*made);
@@ -445,6 +458,12 @@ class SceneLights final : public Lights {
       }
       if (auto made = make_flat(EmitterKind::triangle, a.p[0], a.p[1] - a.p[0], a.p[2] - a.p[0], n, radiance(i), emission.two_sided)) {
         made->emitter.invisible = emission.invisible;
+        if (emission.picture) {
+          made->emitter.picture = static_cast<std::uint32_t>(pictures_.size());
+          const float power = emission.power > 0.f ? power_factor(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i)) : 1.f;
+          const std::array<Vec2, 3> plain{Vec2(0, 0), Vec2(1, 0), Vec2(1, 1)};
+          pictures_.push_back(make_picture(emission, power, a.p, a.has_uvs ? a.uv : plain));
+        }
         slot(i) = add(*made);
       }
     }
@@ -460,6 +479,8 @@ class SceneLights final : public Lights {
   std::vector<InfiniteLight> infinite_;
   std::vector<std::uint32_t> infinite_emitters_;
   std::vector<Emission> emissions_;     // of each emissive shape
+  std::vector<bool> is_mesh_;           // likewise
+  std::vector<EmitterPicture> pictures_;
   std::vector<PrimitiveRange> ranges_;  // of each emissive shape
   std::vector<std::uint32_t> by_primitive_;
   std::vector<float> powers_;  // like by_primitive_; empty without a light that has a power

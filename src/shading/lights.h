@@ -80,11 +80,13 @@ class Lights {
   virtual Vec3x8 escaped(Mask8 active, const Vec3x8& direction) const = 0;
 
   // Radiance that the emissive shape `light` (running number) emits at a hit towards -direction;
-  // ng: the surface's geometric normal as in SurfacePoint. pdf: what sample(p, n) has for this
+  // ng: the surface's geometric normal as in SurfacePoint; uv counts where there are pictures. pdf: what sample(p, n) has for this
   // direction, p, n being where the ray started. `t` is the distance along the unit direction,
   // `primitive` the source triangle number (any for quadrics). A pdf of 0: the shape is not found
   // by sample(), all weight is with the ray that hit it. Disks of pbrt-v2: LightSample::weight_pdf.
-  virtual Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec3& direction, std::uint32_t primitive) const = 0;
+  virtual Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec3& direction, std::uint32_t primitive,
+                      const Vec2& uv) const = 0;
+  virtual bool has_pictures() const = 0;  // of emissive shapes
   virtual float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n,
                             const Vec3& direction, float t, const Vec3& hit_point,
                             const Vec3& hit_ng, std::uint32_t primitive) const = 0;
