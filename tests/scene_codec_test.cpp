@@ -29,6 +29,7 @@ MakeNamedMaterial "m" "string type" "mix" "string namedmaterial1" "none" "string
 MediumInterface "fog" ""
 NamedMaterial "m" AreaLightSource "area" "rgb L" [1 1e30 0.3] Shape "b"
 LightSource "distant" "point from" [-0 0 1] "vector v" [1 2 3] "normal n" [1 0 0] "point2 p" [1 2] "vector2 w" [3 4]
+MediumInterface "" "fog"
 WorldEnd)",
                     Dialect::v2)
       .scene;

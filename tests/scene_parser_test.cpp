@@ -75,6 +75,16 @@ TEST(Parser, TellsTheDialects) {
             Dialect::v2);
 }
 
+TEST(Parser, TellsTheDialectFromSmallSigns) {
+  for (const char* v3 : {"Sampler \"02sequence\"", "Material \"disney\"", "Material \"none\"", "Shape \"sphere\" \"point3 P\" [0 0 0]",
+                         "Camera \"realistic\"", "Film \"image\" \"float  diagonal\" 3", "AreaLightSource \"diffuse\" \"bool\ttwosided\" \"true\"",
+                         "MakeNamedMaterial \"m\" \"string type\" \"fourier\""})
+    EXPECT_EQ(parse_text(std::string("WorldBegin ") + v3 + " WorldEnd").scene.dialect, Dialect::v3) << v3;
+  for (const char* v2 : {"Material \"matte\"", "Shape \"sphere\" \"point P\" [0 0 0]", "Sampler \"lowdiscrepancy\"",
+                         "Texture \"point3\" \"color\" \"constant\""})
+    EXPECT_EQ(parse_text(std::string("WorldBegin ") + v2 + " WorldEnd").scene.dialect, Dialect::v2) << v2;
+}
+
 TEST(Parser, TellsTheDialectFromAnInclude) {
   const TemporaryFolder folder;
   folder.write("geometry/a.pbrt", "Shape \"plymesh\" \"string filename\" \"mesh.ply\"");
@@ -216,7 +226,7 @@ Shape "sphere"
 MediumInterface "" "smoke"
 MediumInterface "smoke" "fog"
 Shape "sphere")");
-  ASSERT_EQ(p.scene.media.size(), 2u);
+  ASSERT_EQ(p.scene.media.size(), 3u);  // one for what is not there
   EXPECT_EQ(p.scene.media[0].type, "homogeneous");
   EXPECT_EQ(p.scene.media[0].params.rgb("sigma_a", Rgb(0.f)), Rgb(1, 2, 3));
   EXPECT_EQ(p.scene.media[1].medium_to_world.point(Vec3(0.f)), Vec3(1, 0, 0));
@@ -225,7 +235,8 @@ Shape "sphere")");
   EXPECT_EQ(material(0).outside, MediumId(0));
   EXPECT_FALSE(material(1).is_interface()) << "the same on both sides";
   EXPECT_EQ(p.sink.shapes[1].material, p.sink.shapes[2].material);
-  EXPECT_EQ(material(3).inside, MediumId());
+  EXPECT_EQ(material(3).inside, MediumId(2));
+  EXPECT_EQ(p.scene.media[2].params.rgb("sigma_s", Rgb(1.f)), Rgb(0));
   EXPECT_EQ(material(3).outside, MediumId(0));
   EXPECT_EQ(p.scene.materials.size(), 3u);
   EXPECT_EQ(p.warnings.list().size(), 1u) << joined(p.warnings);
@@ -242,6 +253,70 @@ Shape "sphere"
 WorldEnd)");
   EXPECT_EQ(p.scene.camera.medium, MediumId(0));
   EXPECT_EQ(p.scene.materials.at(p.sink.shapes[0].material.value).outside, MediumId(0));
+}
+
+// pbrt-v3 makes the camera at the world's end, pbrt-v4 where it stands.
+TEST(Parser, TheCameraStandsInWhatIsOutsideAtTheEnd) {
+  const auto medium = [](const char* head, const char* end) {
+    return parse_text(std::string("Camera \"perspective\"\nMakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \"fog\"\n") + head +
+                      "WorldBegin\nShape \"sphere\"\n" + end).scene.camera.medium;
+  };
+  EXPECT_EQ(medium("", "WorldEnd"), MediumId(0));
+  EXPECT_EQ(medium("", "AttributeBegin MediumInterface \"fog\" \"\" Shape \"sphere\" AttributeEnd WorldEnd"), MediumId(0));
+  EXPECT_EQ(medium("", "MediumInterface \"\" \"\" Shape \"sphere\" WorldEnd"), MediumId());
+  EXPECT_EQ(medium("Film \"rgb\"\n", ""), MediumId());
+}
+
+TEST(Parser, MediaMayBeMadeBehindWhatNamesThem) {
+  const ParsedScene p = world("MediumInterface \"fog\" \"\" MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 2 3] Shape \"sphere\"");
+  EXPECT_EQ(p.scene.materials.at(p.sink.shapes[0].material.value).inside, MediumId(0));
+  EXPECT_EQ(p.scene.media.at(0).params.rgb("sigma_a", Rgb(0.f)), Rgb(1, 2, 3));
+  EXPECT_TRUE(p.warnings.list().empty()) << joined(p.warnings);
+}
+
+// As in pbrt-v2 and pbrt-v3, which look for a parameter among those of its type.
+TEST(Parser, ParametersOfAnotherTypeAreNotThere) {
+  const auto ignored = [](const std::string& directive, const char* what, Dialect dialect = Dialect::v3) {
+    const ParsedScene p = parse_text("WorldBegin\n" + directive + "\nShape \"sphere\"\nWorldEnd", dialect);
+    EXPECT_EQ(p.warnings.list().size(), 1u) << directive << joined(p.warnings);
+    EXPECT_NE(joined(p.warnings).find(what), std::string::npos) << joined(p.warnings);
+    return p;
+  };
+  const auto lamp = ignored("AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] \"float scale\" 2000", "\"scale\" is of type float, not spectrum: ignored, as in pbrt");
+  EXPECT_FALSE(lamp.scene.area_lights.at(0).params.has("scale"));
+  EXPECT_FALSE(ignored("Material \"matte\" \"float Kd\" .9", "is of type float, not spectrum").scene.materials.at(0).params.has("Kd"));
+  ignored("Texture \"t\" \"color\" \"imagemap\" \"string filename\" \"a.png\" \"float gamma\" 2.2", "is of type float, not bool");
+  ignored("MakeNamedMaterial \"m\" \"string type\" \"plastic\" \"string Kd\" \"x\"", "is of type string, not spectrum");
+  ignored("MakeNamedMaterial \"m\" \"string type\" \"plastic\" \"rgb roughness\" [1 1 1]", "is of type rgb, not float");
+  ignored("Material \"matte\" \"skinlayer layers\" [1 2 3 4] \"rgb Kd\" [1 0 0]", "types are float");
+  ignored("Material \"matte\" \"Kd\" 3 \"rgb Kd\" [1 0 0]", "types are float");
+  for (const char* fine : {"Material \"matte\" \"float sigma\" 3 \"spectrum Kd\" [400 1 700 1]", "Shape \"trianglemesh\" \"point2 uv\" [0 0]",
+                           "Texture \"t\" \"float\" \"scale\" \"float tex1\" 2 \"float tex2\" 3", "LightSource \"spot\" \"integer coneangle\" 20",
+                           "Texture \"t\" \"color\" \"constant\" \"rgb value\" [1 1 1] Texture \"u\" \"color\" \"mix\" \"texture tex1\" \"t\"",
+                           "Material \"someones\" \"float Kd\" 3"})
+    EXPECT_EQ(joined(parse_text(std::string("WorldBegin\n") + fine + "\nWorldEnd", Dialect::v3).warnings).find("not "), std::string::npos) << fine;
+  // In pbrt-v4 types decide about the meaning.
+  EXPECT_THROW(parse_text("WorldBegin\nShape \"sphere\" \"flaot radius\" 1", Dialect::v4), SceneError);
+}
+
+// Rays pass a mesh whose alpha is 0, light samples find it: weighed as if rays did, too.
+TEST(Parser, LampsWithAnAlphaOfNothingShineUnseen) {
+  const auto lamp = [](const char* shape) { return world(std::string("AreaLightSource \"diffuse\" ") + shape); };
+  const ParsedScene hidden = lamp("Shape \"trianglemesh\" \"float alpha\" 0 Shape \"trianglemesh\"");
+  ASSERT_EQ(hidden.scene.area_lights.size(), 2u) << joined(hidden.warnings);
+  EXPECT_TRUE(hidden.scene.area_lights[0].params.boolean("invisible", false));
+  EXPECT_TRUE(hidden.scene.area_lights[0].params.boolean("weighed", false));
+  EXPECT_TRUE(hidden.sink.shapes[0].params.texture("alpha"));
+  EXPECT_FALSE(hidden.scene.area_lights[1].params.has("invisible"));
+  EXPECT_FALSE(lamp("Shape \"sphere\" \"float alpha\" 0").scene.area_lights.at(0).params.has("invisible"));
+  EXPECT_FALSE(world("Shape \"trianglemesh\" \"float alpha\" 0").sink.shapes[0].params.texture("alpha"));
+}
+
+TEST(Parser, TexturesCountBeforePbrtV4) {
+  for (const char* both : {"\"texture Kd\" \"t\" \"rgb Kd\" [0 1 0]", "\"rgb Kd\" [0 1 0] \"texture Kd\" \"t\""}) {
+    const ParsedScene p = world(std::string("Texture \"t\" \"color\" \"constant\" Material \"matte\" ") + both + " Shape \"sphere\"");
+    EXPECT_TRUE(p.scene.materials.at(0).params.texture("Kd")) << both;
+  }
 }
 
 TEST(Parser, AreaLightsInObjectsAreIgnored) {

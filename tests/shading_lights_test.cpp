@@ -137,6 +137,19 @@ TEST(AreaLights, ShineByTheirNormal) {
   EXPECT_TRUE(scene.warnings.list().empty());
 }
 
+TEST(AreaLights, ThatNoRayFindsHaveAllWeightUnlessTheyAreWeighed) {
+  for (const bool weighed : {false, true}) {
+    Scene scene;
+    scene.description.dialect = Dialect::v3;
+    scene.mesh({{0, 0, 1}, {1, 0, 1}, {0, 1, 1}}, {{0, 2, 1}}, Rgb(1), {boolean("invisible", true), boolean("weighed", weighed)});
+    const auto lights = scene.build();
+    LightSample s;
+    ASSERT_TRUE(lights->sample(Vec3(0), Vec3(0), 0.5f, {0.3f, 0.4f}, s));
+    EXPECT_EQ(s.delta, !weighed);
+    EXPECT_TRUE(scene.warnings.list().empty());
+  }
+}
+
 // pbrt-v4: each primitive of a light with a power has it, whatever its size.
 TEST(AreaLights, ShareOutPower) {
   const std::vector<Vec3> p{{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 1, 0}};

@@ -61,7 +61,8 @@ void print_description(const SceneDescription& scene, Dialect dialect, Warnings&
              f.x1, f.y0, f.y1, job.film.filename);
   fmt::print("{:<12}{}, {} samples a pixel\n", "sampler", scene.sampler.type, job.spp);
   fmt::print("{:<12}{}\n", "filter", scene.filter.type);
-  fmt::print("{:<12}{}, light gathered at {} vertices", "integrator", scene.integrator.type, job.light_vertices);
+  const bool metropolis = scene.renderer && scene.renderer->type == "metropolis";  // whatever the integrator beside it
+  fmt::print("{:<12}{}, light gathered at {} vertices", "integrator", metropolis ? "metropolis" : scene.integrator.type, job.light_vertices);
   if (job.light_paths != LightPaths::none) fmt::print(", paths from lights: {}", name(job.light_paths));
   fmt::print("\n");
   print_counts("materials", count_types(scene.materials));

@@ -29,6 +29,12 @@ constexpr auto kSigns = std::to_array<Sign>({{"SurfaceIntegrator", "", kV2},
                                              {"Shape", "curve", kV3 | kV4},
                                              {"Sampler", "sobol", kV3 | kV4},
                                              {"Sampler", "zerotwosequence", kV3},
+                                             {"Sampler", "02sequence", kV3},
+                                             {"Material", "disney", kV3},
+                                             {"Material", "fourier", kV3},
+                                             {"Material", "none", kV3},
+                                             {"Material", "hair", kV3 | kV4},
+                                             {"Camera", "realistic", kV3 | kV4},
                                              {"Sampler", "maxmindist", kV3},
                                              {"Film", "image", kV2 | kV3},
                                              {"WorldEnd", "", kV2 | kV3},
@@ -57,10 +63,25 @@ constexpr auto kSigns = std::to_array<Sign>({{"SurfaceIntegrator", "", kV2},
                                              {"Material", "diffusetransmission", kV4},
                                              {"Material", "interface", kV4},
                                              {"Material", "thindielectric", kV4}});
-// Parameters that only pbrt-v4 has.
-constexpr auto kV4Params = std::to_array<std::string_view>(
-    {"rgb reflectance", "spectrum reflectance", "texture reflectance", "float illuminance",
-     "float xradius"});
+// Parameters that only pbrt-v4 has, and such that pbrt-v2 does not have; without a name those of this type.
+struct ParamSign {
+  std::string_view type, name;
+  unsigned dialects;
+};
+constexpr auto kParamSigns = std::to_array<ParamSign>({{"rgb", "reflectance", kV4},
+                                                       {"spectrum", "reflectance", kV4},
+                                                       {"texture", "reflectance", kV4},
+                                                       {"float", "illuminance", kV4},
+                                                       {"float", "xradius", kV4},
+                                                       {"point2", "", kV3 | kV4},
+                                                       {"point3", "", kV3 | kV4},
+                                                       {"vector2", "", kV3 | kV4},
+                                                       {"vector3", "", kV3 | kV4},
+                                                       {"normal3", "", kV3 | kV4},
+                                                       {"bool", "twosided", kV3 | kV4},
+                                                       {"bool", "remaproughness", kV3 | kV4},
+                                                       {"float", "diagonal", kV3 | kV4},
+                                                       {"float", "maxsampleluminance", kV3}});
 
 class Detector {
  public:
@@ -94,9 +115,23 @@ class Detector {
 
   void see(std::string_view directive, std::string_view type) {
     for (const Sign& sign : kSigns)
-      if (sign.directive == directive && (sign.type.empty() || sign.type == type) &&
-          (possible_ & sign.dialects) != 0)
-        possible_ &= sign.dialects;
+      if (sign.directive == directive && (sign.type.empty() || sign.type == type)) narrow(sign.dialects);
+  }
+  // What contradicts all that came before it is no sign.
+  void narrow(unsigned dialects) {
+    if ((possible_ & dialects) != 0) possible_ &= dialects;
+  }
+  // The two words of a parameter's type and name.
+  static std::pair<std::string_view, std::string_view> declaration(std::string_view text) {
+    constexpr std::string_view kBlank = " \t\r\n";
+    const auto word = [&] {
+      text.remove_prefix(std::min(text.find_first_not_of(kBlank), text.size()));
+      const std::string_view out = text.substr(0, text.find_first_of(kBlank));
+      text.remove_prefix(out.size());
+      return out;
+    };
+    const std::string_view type = word();
+    return {type, word()};
   }
 
   bool scan_text(const std::shared_ptr<const SourceText>& text, const std::string& path) {
@@ -104,10 +139,10 @@ class Detector {
     for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) {
       if (t.kind == Token::Kind::open) lexer.skip_array();
       if (t.kind == Token::Kind::string) {
-        if (std::find(kV4Params.begin(), kV4Params.end(), t.text) != kV4Params.end() &&
-            (possible_ & kV4) != 0)
-          possible_ = kV4;
-        if (t.text == "string type") {  // of a named material
+        const auto [param, name] = declaration(t.text);
+        for (const ParamSign& sign : kParamSigns)
+          if (sign.type == param && (sign.name.empty() ? !name.empty() : sign.name == name)) narrow(sign.dialects);
+        if (param == "string" && name == "type") {  // of a named material
           if (lexer.peek().kind == Token::Kind::open) lexer.next();
           if (lexer.peek().kind == Token::Kind::string) see("Material", lexer.peek().text);
         }

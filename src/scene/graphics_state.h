@@ -46,8 +46,9 @@ struct MaterialSource {
 
 struct AreaLightSource {
   Entity entity;
-  // In the description, once a shape has used it: bilinear patches with a power count 1, shapes that are not seen 2.
-  std::array<AreaLightId, 4> ids{};
+  // In the description, once a shape has used it: bilinear patches with a power count 1, shapes that are not seen 2,
+  // or before pbrt-v4 4.
+  std::array<AreaLightId, 6> ids{};
 };
 
 // What AttributeBegin saves and AttributeEnd brings back.

@@ -1,5 +1,6 @@
 #include "scene/param_reader.h"
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <utility>
@@ -57,14 +58,16 @@ std::string_view take_word(std::string_view& text) {
   return word;
 }
 
-const TypeRow& declared_type(std::string_view& rest, const FileLocation& where) {
+const TypeRow* declared_type(std::string_view& rest) {
   const std::string_view word = take_word(rest);
-  for (const TypeRow& row : kTypes)
-    if (row.word == word) return row;
+  const auto* const found = std::ranges::find(kTypes, word, &TypeRow::word);
+  return found == kTypes.end() ? nullptr : found;
+}
+
+std::string no_type(std::string_view declaration) {
   std::string known;
   for (const TypeRow& row : kTypes) known += (known.empty() ? "" : ", ") + std::string(row.word);
-  throw SceneError(where, "expected a parameter as \"type name\", found \"" + std::string(word) +
-                              std::string(rest) + "\"; types are " + known);
+  return "expected a parameter as \"type name\", found \"" + std::string(declaration) + "\"; types are " + known;
 }
 
 BulkArray<float> from_colors(const std::vector<Rgb>& colors) {
@@ -82,17 +85,38 @@ ParamSet ParamReader::read(Lexer& lexer, bool reads_files) {
     if (out.all().size() == kMostParams)
       throw SceneError(lexer.location(lexer.peek()),
                        "more than " + std::to_string(kMostParams) + " parameters");
-    out.add(read_one(lexer, reads_files));
+    std::optional<Param> p = read_one(lexer, reads_files);
+    if (!p) continue;
+    // Before pbrt-v4 a texture counts, whatever else has its name.
+    const Param* const there = dialect_ == Dialect::v4 ? nullptr : out.find(p->name);
+    if (!there || there->type != ParamType::texture || p->type == ParamType::texture) out.add(std::move(*p));
   }
   return out;
 }
 
-Param ParamReader::read_one(Lexer& lexer, bool reads_files) {
+void ParamReader::skip_value(Lexer& lexer) {
+  const Token& value = lexer.peek();
+  if (value.kind == Token::Kind::open) {
+    lexer.next();
+    lexer.skip_array();
+  } else if (value.kind == Token::Kind::string || value.kind == Token::Kind::number) {
+    lexer.next();
+  }
+}
+
+std::optional<Param> ParamReader::read_one(Lexer& lexer, bool reads_files) {
   const Token declaration = lexer.next();
   Param p;
   p.location = lexer.location(declaration);
   std::string_view rest = declaration.text;
-  const TypeRow& row = declared_type(rest, p.location);
+  const TypeRow* const declared = declared_type(rest);
+  if (!declared) {
+    if (dialect_ == Dialect::v4) throw SceneError(p.location, no_type(declaration.text));
+    warnings_.add(p.location, no_type(declaration.text) + ": ignored, as in pbrt");
+    skip_value(lexer);
+    return std::nullopt;
+  }
+  const TypeRow& row = *declared;
   p.type = row.type;
   p.name = std::string(take_word(rest));
   if (p.name.empty())

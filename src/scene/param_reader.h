@@ -30,7 +30,8 @@ class ParamReader {
   ParamSet read(Lexer& lexer, bool reads_files = true);
 
  private:
-  Param read_one(Lexer& lexer, bool reads_files);
+  std::optional<Param> read_one(Lexer& lexer, bool reads_files);  // none: it has no type, a warning
+  void skip_value(Lexer& lexer);
   BulkArray<float> reals(Lexer& lexer, bool finite);
   BulkArray<std::int32_t> integers(Lexer& lexer, const Param& p);
   BulkArray<std::int32_t> booleans(Lexer& lexer);

@@ -76,6 +76,7 @@ Parser::Parser(const std::string& path, Dialect dialect, SceneSink& sink, Warnin
       use_(options.use),
       builder_(dialect, path, warnings),
       params_(dialect, paths_, warnings),
+      types_(dialect),
       v4_([this](const FileLocation& where, const std::string& message) {
         builder_.warn_once(where, message);
       }) {
@@ -106,7 +107,9 @@ SceneDescription Parser::parse() {
     if (use_) use_->count(t.text);
     (this->*handler->second)(t);
   }
-  if (is_v4()) builder_.finish(state_);
+  // Before pbrt-v4 the camera is made at the world's end, and stands in what is outside then.
+  if (!is_v4()) builder_.scene().camera.medium = state_.outside;
+  builder_.finish(state_);
   return std::move(builder_.scene());
 }
 
@@ -317,7 +320,10 @@ Entity Parser::read_entity(const Token& directive, bool reads_files) {
     for (const Param& p : more.all()) e.params.add(p);
   }
   if (use_) count_use(directive.text, e);
-  if (is_v4()) complete_v4(directive.text, e);
+  if (is_v4())
+    complete_v4(directive.text, e);
+  else
+    types_.check(directive.text, e, warnings_);
   return e;
 }
 

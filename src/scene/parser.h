@@ -11,6 +11,7 @@
 #include "scene/language.h"
 #include "scene/lexer.h"
 #include "scene/param_reader.h"
+#include "scene/param_types.h"
 #include "scene/scene_builder.h"
 #include "scene/translate_v4.h"
 
@@ -133,6 +134,7 @@ class Parser {
   LanguageUse* use_;
   SceneBuilder builder_;
   ParamReader params_;
+  ParamTypes types_;
   V4Translator v4_;
   std::map<const LanguageRow*, std::vector<LanguageParam>> v4_params_;
   std::vector<OpenFile> files_;

@@ -18,7 +18,7 @@ void Parser::camera(const Token& t) {
   camera.world_to_camera = to_transform(ctm_.start);
   if (!camera.world_to_camera.is_invertible())
     throw SceneError(camera.location, "the transformation of the camera cannot be inverted");
-  camera.medium = state_.outside;
+  camera.medium = state_.outside;  // of pbrt-v4
   camera.motion = motion(camera.location, "camera");
   coordinate_systems_["camera"] = ctm_.inverse();
   builder_.scene().camera = std::move(camera);
@@ -155,7 +155,10 @@ void Parser::shape(const Token& t) {
   shape.motion = motion(shape.location, "shape");
   shape.reverse_orientation = state_.reverse_orientation;
   shape.object = open_object_;
-  if (is_v4()) builder_.mask_by_chance(state_, shape);
+  if (is_v4())
+    builder_.mask_by_chance(state_, shape);
+  else
+    builder_.hide_lamp(state_, shape);
   builder_.finish_shape(state_, shape);
   if (is_v4() && shape.area_light && shape.material &&
       builder_.scene().materials[shape.material.value].type == "none") {

@@ -242,6 +242,14 @@ void SceneBuilder::mask_by_chance(GraphicsState& state, Entity& shape) {
   shape.params.add(std::move(mask));
 }
 
+void SceneBuilder::hide_lamp(GraphicsState& state, Entity& shape) {
+  const Param* alpha = shape.params.find("alpha");
+  const bool hidden = alpha && alpha->type == ParamType::real && alpha->reals.size() == 1 && alpha->reals[0] == 0.f;
+  if (!state.area_light || !hidden || (shape.type != "trianglemesh" && shape.type != "plymesh")) return;
+  shape.params.add(make_bool("weighed", true, shape.location));
+  mask_by_chance(state, shape);
+}
+
 void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DMat4& ctm) {
   LightDesc light;
   entity.params = resolve_textures(state, entity, std::nullopt);
@@ -284,10 +292,6 @@ MediumId SceneBuilder::find_medium(const std::string& name, const FileLocation& 
   if (name.empty()) return {};
   const auto found = media_.find(name);
   if (found != media_.end()) return found->second;
-  if (!is_v4_) {
-    warn_once(where, "there is no medium \"" + name + "\": vacuum is used");
-    return {};
-  }
   check_room_for_media(where);
   const MediumId id(static_cast<std::uint32_t>(scene_.media.size()));
   Entity later;
@@ -397,7 +401,7 @@ void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
   if (scene_.dialect == Dialect::v2) shape.params = resolve_textures(state, shape, std::nullopt);
 
   if (state.area_light) {
-    const bool invisible = shape.params.take("invisible").has_value();
+    const bool weighed = shape.params.take("weighed").has_value(), invisible = shape.params.take("invisible").has_value();
     if (shape.object) {
       warn_once(shape.location, "area lights inside of objects do not shine: ignored");
     } else if (shape.motion) {
@@ -409,13 +413,14 @@ void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
         warn_once(shape.location, "a light's picture on a " + shape.type + ": its mean shines");
       // Each patch has the power that is given, not each of its two triangles.
       const bool patches = shape.type == "bilinearmesh" && light.entity.params.has("power");
-      AreaLightId& id = light.ids[(patches ? 1u : 0u) + (invisible ? 2u : 0u)];
+      AreaLightId& id = light.ids[(patches ? 1u : 0u) + (weighed ? 4u : invisible ? 2u : 0u)];
       if (!id) {
         id = AreaLightId(static_cast<std::uint32_t>(scene_.area_lights.size()));
         scene_.area_lights.push_back(light.entity);
         ParamSet& params = scene_.area_lights.back().params;
         if (patches) params.add(make_bool("patches", true, light.entity.location));
         if (invisible) params.add(make_bool("invisible", true, light.entity.location));
+        if (weighed) params.add(make_bool("weighed", true, light.entity.location));
       }
       shape.area_light = id;
     }

@@ -42,6 +42,7 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
       }
       e.patches = desc.params.boolean("patches", false);
       e.invisible = desc.params.boolean("invisible", false);
+      e.weighed = desc.params.boolean("weighed", false);
       if (!is_finite(e.radiance) || !(e.power < kInfinity))
         throw SceneError{desc.location, "the light's radiance must be finite"};
       if (scene.dialect == Dialect::v3) e.two_sided = desc.params.boolean("twosided", false);

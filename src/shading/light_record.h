@@ -35,7 +35,8 @@ struct Emitter {
   EmitterKind kind = EmitterKind::point;
   bool two_sided = false;
   bool outward = true;      // sphere: the outside emits
-  bool invisible = false;   // no ray finds it: samples have all of the weight
+  bool invisible = false;   // no ray finds it
+  bool weighed = false;     // see Emission; else samples of an invisible one have all of the weight
   std::uint32_t index = 0;  // of its spot cone, map, infinite light or quadric
   std::uint32_t picture = kNone;  // of a triangle: its number among those of the lights; `radiance` is the mean then
   Rgb radiance{0};          // or intensity
@@ -44,6 +45,7 @@ struct Emitter {
   Vec3 axis{};              // unit: normal of the emitting side; towards a distant light
   float area_pdf = 0;       // 1 / area
   float radius2 = 0;        // of the sphere
+  void hide(const struct Emission& emission);  // if that one is hidden
 };
 
 // What an AreaLightSource says.
@@ -52,7 +54,8 @@ struct Emission {
   bool two_sided = false;
   float power = 0;      // pbrt-v4: of each primitive, which shines by radiance * power / (pi * its area * its sides)
   bool patches = false;  // two triangles are one of them
-  bool invisible = false;  // pbrt-v4: its alpha is 0 everywhere
+  bool invisible = false;  // its alpha is 0 everywhere
+  bool weighed = false;    // before pbrt-v4 samples of such a light have their weights as if rays could find it
   std::shared_ptr<const LightMap> picture;  // pbrt-v4: the radiance of triangles is `scale` times it, that of others `radiance`
   Rgb scale{1};
 };
@@ -67,6 +70,11 @@ struct EmitterPicture {
 };
 // Of corners with an area, and their uvs.
 EmitterPicture make_picture(const Emission& emission, float power, const std::array<Vec3, 3>& p, const std::array<Vec2, 3>& uv);
+
+inline void Emitter::hide(const Emission& emission) {
+  invisible = emission.invisible;
+  weighed = emission.weighed;
+}
 
 struct SpotCone {
   glm::mat3 world_to_light{1.f};

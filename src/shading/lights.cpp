@@ -33,9 +33,7 @@ class SceneLights final : public Lights {
   bool empty() const override { return emitters_.empty() && !emits_; }
   bool has_infinite() const override { return !infinite_.empty(); }
   bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
-  bool has_v2_disk() const override {
-    return std::any_of(emitters_.begin(), emitters_.end(), [&](const Emitter& e) { return is_v2_disk(e); });
-  }
+  bool has_v2_disk() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e); }); }
   std::uint64_t bytes() const override {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
                       quadrics_.size() * sizeof(EmissiveQuadric) +
@@ -101,9 +99,7 @@ class SceneLights final : public Lights {
     const Rgb radiance = e.picture && is_mesh_[light] ? e.scale * clamped(*e.picture, uv) : e.radiance;
     return e.power > 0.f ? radiance * power_factor(light, primitive) : radiance;
   }
-  bool has_pictures() const override {
-    return std::ranges::any_of(emissions_, [](const Emission& e) { return e.picture != nullptr; });
-  }
+  bool has_pictures() const override { return std::ranges::any_of(emissions_, [](const Emission& e) { return e.picture != nullptr; }); }
 
   float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction,
                     float t, const Vec3&, const Vec3& hit_ng,
@@ -217,7 +213,7 @@ class SceneLights final : public Lights {
     if (e.kind == EmitterKind::infinite && infinite_.size() > 1)
       out.radiance = all_infinite<F>(found, p, n, out.wi, out.pdf);
     out.weight_pdf = is_v2_disk(e) ? own_pdf : out.pdf;
-    if (e.invisible) out.delta = MaskOf<F>(true);
+    if (e.invisible && !e.weighed) out.delta = MaskOf<F>(true);
     if (e.picture != kNone)
       lanes::for_each(found, [&](std::size_t i) {
         lanes::put(out.radiance, i, pictures_[e.picture].radiance(lanes::get(p, i) + lanes::get(out.wi, i) * lanes::get(out.distance, i)));
@@ -381,7 +377,7 @@ class SceneLights final : public Lights {
       auto made = make_quadric(record.quadric, record.flip != 0, radiance, emission.two_sided, quadric);
       if (!made || !(made->bounds.strength > 0.f)) continue;
       made->emitter.index = static_cast<std::uint32_t>(quadrics_.size());
-      made->emitter.invisible = emission.invisible;
+      made->emitter.hide(emission);
       quadrics_.push_back(quadric);
       by_primitive_[ranges_[record.light].first] = add(*made);
     }
@@ -449,7 +445,7 @@ class SceneLights final : public Lights {
         Vec3 corner, edge0, edge1;
         if (!emission.picture && parallelogram(a.p, b.p, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
           if (auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n, radiance(i), emission.two_sided)) {
-            made->emitter.invisible = emission.invisible;
+            made->emitter.hide(emission);
             slot(i) = slot(i + 1) = add(*made);
             ++i;
             continue;
@@ -457,7 +453,7 @@ class SceneLights final : public Lights {
         }
       }
       if (auto made = make_flat(EmitterKind::triangle, a.p[0], a.p[1] - a.p[0], a.p[2] - a.p[0], n, radiance(i), emission.two_sided)) {
-        made->emitter.invisible = emission.invisible;
+        made->emitter.hide(emission);
         if (emission.picture) {
           made->emitter.picture = static_cast<std::uint32_t>(pictures_.size());
           const float power = emission.power > 0.f ? power_factor(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i)) : 1.f;
