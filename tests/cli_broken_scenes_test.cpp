@@ -199,7 +199,7 @@ std::vector<Broken> scenes() {
       {E, "measured material needs", material("\"measured\"")},
       {E, "cannot read", material("\"measured\" \"string filename\" \"nowhere.brdf\"")},
       {E, "empty.ply", material("\"measured\" \"string filename\" \"empty.ply\"")},
-      {E, "cannot read", material("\"metal\" \"spectrum eta\" \"nowhere.spd\"")},
+      {P, "there is no spectrum file 'nowhere.spd': black is used", material("\"metal\" \"spectrum eta\" \"nowhere.spd\"")},
       {E, "empty.ply", material("\"metal\" \"spectrum eta\" \"empty.ply\"")},
       {E, "pairs of wavelength", material("\"metal\" \"spectrum eta\" []")},
       {P, "has no value", material("\"metal\" \"spectrum eta\" [400 1 500]")},

@@ -312,6 +312,16 @@ TEST(Parser, LampsWithAnAlphaOfNothingShineUnseen) {
   EXPECT_FALSE(world("Shape \"trianglemesh\" \"float alpha\" 0").sink.shapes[0].params.texture("alpha"));
 }
 
+TEST(Parser, MeshesWithAShadowAlphaOfNothingThrowNoShadow) {
+  const ParsedScene p = world("Shape \"trianglemesh\" \"float shadowalpha\" 0 Shape \"trianglemesh\" \"float shadowalpha\" 1 Shape \"plymesh\" \"float shadowalpha\" 0");
+  ASSERT_TRUE(p.sink.shapes[0].params.texture("shadowalpha"));
+  EXPECT_EQ(*p.sink.shapes[0].params.texture("shadowalpha"), p.scene.textures.at(0).name);
+  EXPECT_EQ(p.scene.textures[0].params.real("value", 1), 0);
+  EXPECT_EQ(p.scene.textures.size(), 1u);
+  EXPECT_FALSE(p.sink.shapes[1].params.find("shadowalpha")->type == ParamType::texture);
+  EXPECT_TRUE(p.sink.shapes[2].params.texture("shadowalpha"));
+}
+
 TEST(Parser, TexturesCountBeforePbrtV4) {
   for (const char* both : {"\"texture Kd\" \"t\" \"rgb Kd\" [0 1 0]", "\"rgb Kd\" [0 1 0] \"texture Kd\" \"t\""}) {
     const ParsedScene p = world(std::string("Texture \"t\" \"color\" \"constant\" Material \"matte\" ") + both + " Shape \"sphere\"");

@@ -255,7 +255,11 @@ Rgb ParamReader::spectrum_called(const std::string& name, Lexer& lexer, const To
     if (dialect_ == Dialect::v4 && !std::filesystem::exists(path))
       throw SceneError(lexer.location(where), "there is no spectrum and no file '" + name +
                                                   "'; known spectra are " + named_spectra());
-    const Rgb c = from_samples(read_spd(path, lexer.location(where)));
+    Rgb c(0.f);
+    if (dialect_ != Dialect::v4 && !std::filesystem::exists(path))
+      warnings_.add(lexer.location(where), "there is no spectrum file '" + name + "': black is used, as in pbrt");
+    else
+      c = from_samples(read_spd(path, lexer.location(where)));
     known = spd_files_.emplace(std::pair(use_, path), c).first;
   }
   return known->second;

@@ -159,6 +159,7 @@ void Parser::shape(const Token& t) {
     builder_.mask_by_chance(state_, shape);
   else
     builder_.hide_lamp(state_, shape);
+  if (builder_.scene().dialect == Dialect::v3 && !is_v4()) builder_.lift_shadow(state_, shape);
   builder_.finish_shape(state_, shape);
   if (is_v4() && shape.area_light && shape.material &&
       builder_.scene().materials[shape.material.value].type == "none") {

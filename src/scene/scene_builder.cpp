@@ -250,6 +250,23 @@ void SceneBuilder::hide_lamp(GraphicsState& state, Entity& shape) {
   mask_by_chance(state, shape);
 }
 
+void SceneBuilder::lift_shadow(GraphicsState& state, Entity& shape) {
+  const Param* given = shape.params.find("shadowalpha");
+  const bool none = given && given->type == ParamType::real && given->reals.size() == 1 && given->reals[0] == 0.f;
+  if (!none || (shape.type != "trianglemesh" && shape.type != "plymesh")) return;
+  const std::string name = "shadowalpha 0";
+  if (!state.float_textures.find(name)) {
+    Entity zero;
+    zero.type = "constant";
+    zero.location = given->location;
+    zero.params.add(make_real("value", 0.f, given->location));
+    add_texture(state, name, true, std::move(zero), DMat4(1.0));
+  }
+  Param mask = make_param(ParamType::texture, "shadowalpha", given->location);
+  mask.strings = {name};
+  shape.params.add(std::move(mask));
+}
+
 void SceneBuilder::add_light(const GraphicsState& state, Entity entity, const DMat4& ctm) {
   LightDesc light;
   entity.params = resolve_textures(state, entity, std::nullopt);

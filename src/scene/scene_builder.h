@@ -22,6 +22,8 @@ class SceneBuilder {
                    const DMat4& ctm);
   // pbrt-v4: an alpha between 0 and 1 lets a part of the rays pass. Numbers become textures.
   void mask_by_chance(GraphicsState& state, Entity& shape);
+  // In pbrt-v3 meshes with a "shadowalpha" of 0 throw no shadow.
+  void lift_shadow(GraphicsState& state, Entity& shape);
   // Before pbrt-v4 an alpha of 0 hides a mesh from rays, but not, where it is a lamp, from light samples.
   void hide_lamp(GraphicsState& state, Entity& shape);
   // pbrt-v4: the picture that a material names becomes a texture, and a parameter that names this.
