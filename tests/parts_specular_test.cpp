@@ -54,6 +54,7 @@ TEST(SpecularMaterials, AreThoseThatCanBe) {
     EXPECT_TRUE(is(d, material("uber", {text("opacity", "leaves")})));
     EXPECT_EQ(is(d, material("glass", rough)), d == Dialect::v2);  // which knows no rough glass
     EXPECT_TRUE(is(d, material("glass", {real("uroughness", 0)})));
+    EXPECT_TRUE(is(d, material("glass", {real("uroughness", 0.1f), real("vroughness", 0.1f), real("eta", 1)}))) << "no facet bends a ray";
     const auto mix = [](const char* a, const char* b) { return material("mix", {text("namedmaterial1", a), text("namedmaterial2", b)}); };
     EXPECT_FALSE(is(d, mix("0", "0")));
     EXPECT_TRUE(is(d, mix("0", "1")));

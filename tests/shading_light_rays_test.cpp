@@ -125,6 +125,27 @@ TEST(LightRays, OfAPicture) {
   });
 }
 
+// What was aimed counts as aimed, however small the aim is that a direction in float can hardly tell.
+TEST(LightRays, KnowWhatTheyWereAimedAtFromFarAway) {
+  for (const float distance : {10.f, 1e3f, 1e5f, 1e7f}) {
+    const auto lights = Scene().light("point", {point("from", {0.3f * distance, distance, -0.2f * distance}), color("I", Rgb(1))}).build();
+    lights->aim(std::vector<Bounds3>{around({0, 1, 1.5f}, Vec3(0.001f))}, 0.25f);
+    Uniform u;
+    constexpr int kSamples = 100000;
+    int aimed = 0;
+    for (int i = 0; i < kSamples; ++i) {
+      LightRay ray;
+      ASSERT_TRUE(lights->emit(u(), u.pair(), u.pair(), ray));
+      EXPECT_LE(ray.weight.x, 4 * kPi / 0.75f * 1.01f);
+      aimed += ray.weight.x < 0.1f;
+      if (ray.weight.x < 0.1f) {
+        EXPECT_GT(lights->emission(0, {0, 1, 1.5f}, -ray.direction, glm::length(ray.origin - Vec3(0, 1, 1.5f))) * distance * distance, 1) << distance;
+      }
+    }
+    EXPECT_NEAR(aimed, 0.25 * kSamples, 5 * std::sqrt(0.1875 * kSamples)) << "from " << distance << ", seed 5";
+  }
+}
+
 TEST(LightRays, OfManyLights) {
   expect_same_flux([] {
     return Scene()
@@ -150,7 +171,8 @@ TEST(LightAims, ChooseByTheirDensity) {
       for (int i = 0; i < kSamples; ++i) {
         Vec2 numbers = u.pair();
         Vec3 direction;
-        if (!view.choose(numbers, direction)) direction = sample_uniform_sphere<float>(numbers);
+        LightAims::View choice = view;
+        if (!choice.choose(numbers, direction)) direction = sample_uniform_sphere<float>(numbers);
         cells.add(direction);
       }
       EXPECT_GT(cells.p_value(kSamples), testing::corrected_level(kTests)) << "seed 5";

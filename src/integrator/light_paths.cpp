@@ -38,11 +38,11 @@ bool has_specular(const Bsdf& bsdf) {
 
 }  // namespace
 
-float PathTracer::light_ratio(const PathSegment& s, float t) const {
-  if (light_paths_ == LightPaths::none) return 0.f;
+float PathTracer::light_ratio(const PathSegment& s, const Hit& hit) const {
+  if (light_paths_ == LightPaths::none || hit.geometry == kCurveHit) return 0.f;
   if (s.has_light_ratio()) return s.light_ratio();
   // Rays to the camera pass nothing, and begin at surfaces that scatter.
-  return s.vertex == 0 && s.passed == 0 ? film_pixels_ / camera_->density(s.direction, t) : 0.f;
+  return s.vertex == 0 && s.passed == 0 ? film_pixels_ / camera_->density(s.direction, hit.t) : 0.f;
 }
 
 template <class F>
@@ -101,6 +101,8 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
     next().origin = ray_start(p.p, offset, p.ng, s.direction);
     return;
   }
+  // What a ray meets of a curve depends on where it comes from: no path could be the other way round.
+  if (hit.geometry == kCurveHit) return end();
   const bool first = s.vertex == 0, caustics = tracer.light_paths_ == LightPaths::caustics;
   const std::uint32_t vertices = s.vertex + 1u;  // with this one
   // What has a medium inside is for paths from the camera only, which weigh it so.
@@ -117,7 +119,8 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
   bsdf.finish(wo);
   BsdfSample sample;
   if (!bsdf.sample(wo, numbers[kLobeAndRoulette].x, numbers[kDirection], sample)) return end();
-  if (first && caustics && !sample.specular) return end();
+  // Light that scatters behind a surface without material counts from the other side neither.
+  if (first && !sample.specular && (caustics || s.passed > 0)) return end();
   const bool scattered = first ? !sample.specular : (s.flags & kLightScattered) != 0;
   if (vertices >= (scattered ? job.light_vertices : job.emission_vertex)) return end();
   LightRay light_before;

@@ -75,7 +75,7 @@ class PathTracer final : public PathEngine {
                     std::span<std::uint8_t> blocked) const;
   float time_of(std::uint32_t pixel, std::uint32_t sample) const;
   // PathSegment::light_ratio() of a path from the camera that arrives at a vertex, t along its ray.
-  float light_ratio(const PathSegment& s, float t) const;
+  float light_ratio(const PathSegment& s, const Hit& hit) const;
   TraceRay ray_of(const PathSegment& s) const;
   void resolve_shadows(const ResidentSet& set, const Shadows& shadows, ShadeOutput& out) const;
 

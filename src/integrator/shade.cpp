@@ -334,11 +334,12 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   }
   if (is_over(s)) return end();
   if (eight && eight->take_textured(material, p, offset, s)) return;
-  scatter_at(material, p, offset, hit.t);
+  scatter_at(material, p, offset, hit);
 }
 
-void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, float t) {
+void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Hit& hit) {
   const PathSegment& s = *path;
+  const float t = hit.t;
   const Footprint print = tracer.footprint_ ? footprint(p, t) : Footprint{};
   if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside))
     return enter(material, inside.medium, p, print, t);
@@ -349,7 +350,7 @@ void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, con
   bsdf.finish(wo);
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(s.vertex);
   ScatterOf<float> v = scatter_of(p, offset, wo, s, numbers);
-  v.ratio = tracer.light_ratio(s, t);
+  v.ratio = tracer.light_ratio(s, hit);
   scatter(bsdf, true, v);
   scattered(ScatterResults(v), 0, t);
 }

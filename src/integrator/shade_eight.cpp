@@ -66,7 +66,7 @@ bool PathTracer::EightShader::take_textured(std::uint32_t material, const Surfac
 void PathTracer::EightShader::scatter_textured() {
   for (Textured& t : textured_) {
     shader_.resume(batch_.segments[t.segment], t.end_flags);
-    shader_.scatter_at(t.material, t.p, t.offset, batch_.hits[t.segment].t);
+    shader_.scatter_at(t.material, t.p, t.offset, batch_.hits[t.segment]);
   }
   textured_.clear();
 }
@@ -191,7 +191,7 @@ void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segme
     sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample);
     vertices[lane] = s.vertex;
     v.vertex[lane] = s.vertex;
-    if (tracer.light_paths_ != LightPaths::none) lanes::put(v.ratio, lane, tracer.light_ratio(s, batch_.hits[segments[lane]].t));
+    if (tracer.light_paths_ != LightPaths::none) lanes::put(v.ratio, lane, tracer.light_ratio(s, batch_.hits[segments[lane]]));
   }
   // A segment's direction and throughput lie side by side.
   static_assert(offsetof(PathSegment, throughput) == offsetof(PathSegment, direction) + sizeof(Vec3));

@@ -217,7 +217,7 @@ struct PathTracer::Shader {
   Footprint footprint(const SurfacePoint& p, float t) const;
   void vertex(const Hit& hit);
   // The path under work at a surface that scatters, t along its ray.
-  void scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, float t);
+  void scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Hit& hit);
   // Takes the path under work through the media before its surface at t, or infinity. False: it stays in them, and has
   // been taken on or ended there.
   bool cross_media(float t);

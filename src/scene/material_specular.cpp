@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string_view>
 
 #include "scene/material_order.h"
@@ -26,8 +27,13 @@ bool may_be(const SceneDescription& scene, const MaterialDesc& m, const std::vec
   // By default an uber surface is opaque and has no lobe of a mirror; metals are rough but for those of pbrt-v4.
   if (m.type == "uber") return has("Kr") || has("Kt") || has("opacity");
   if (m.type == "metal") return has("roughnessmap");
+  // Without a change of the index facets bend nothing.
+  const auto bends = [&](const char* name) {
+    const Param* p = m.params.find(name);
+    return !p || (p->type == ParamType::real && p->reals.size() == 1 && std::fabs(p->reals[0] - 1.f) > 0.01f);
+  };
   if (m.type == "glass" || m.type == "coateddiffuse")
-    return scene.dialect == Dialect::v2 || !(surely_rough(m.params, "uroughness") || surely_rough(m.params, "vroughness"));
+    return scene.dialect == Dialect::v2 || !bends("eta") || !bends("index") || !(surely_rough(m.params, "uroughness") || surely_rough(m.params, "vroughness"));
   if (m.type != "mix") return true;
   return std::ranges::any_of(kMixed, [&](const char* name) {
     const auto i = mixed_material(m.params, name);

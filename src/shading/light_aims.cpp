@@ -12,10 +12,13 @@ namespace {
 // So that nothing in the box is out of the sphere by rounding.
 constexpr float kMargin = 1.001f;
 
-// Whether the line through the centre less `to`, along the unit vector d, meets the sphere.
+// Whether the line through the centre less `to`, along the unit vector d, meets the sphere, as far as directions in float
+// can tell: what was aimed at it does.
 bool meets(const Vec3& to, float radius, const Vec3& d) {
-  const Vec3 across = to - d * glm::dot(to, d);
-  return glm::dot(across, across) <= radius * radius;
+  constexpr double kRounding = 5e-7;
+  const glm::dvec3 way(to), along(d), across = way - along * (glm::dot(way, along) / glm::dot(along, along));
+  const double reach = static_cast<double>(radius) + kRounding * glm::length(way);
+  return glm::dot(across, across) <= reach * reach;
 }
 
 // Chooses a number below `count` with u, and makes another uniform number of it.
@@ -72,8 +75,9 @@ LightAims::View LightAims::from(const Vec3& p, const Vec3& axis, float cosine) c
   return v;
 }
 
-bool LightAims::View::choose(Vec2& u, Vec3& direction) const {
-  const Cone& c = cones_[cloudrenderer::choose(count_, [&](std::size_t i) { return cones_[i].chance; }, u.x)];
+bool LightAims::View::choose(Vec2& u, Vec3& direction) {
+  chosen_ = cloudrenderer::choose(count_, [&](std::size_t i) { return cones_[i].chance; }, u.x);
+  const Cone& c = cones_[chosen_];
   if (!(c.most > 0.f)) return false;
   direction = sample_cone(glm::normalize(c.to), c.most, u);
   return true;
@@ -85,7 +89,7 @@ float LightAims::View::pdf(const Vec3& direction, float inside) const {
     const Cone& c = cones_[i];
     if (!(c.most > 0.f))
       sum += c.chance * inside;
-    else if (glm::dot(c.to, direction) > 0.f && meets(c.to, c.radius, direction))
+    else if (i == chosen_ || (glm::dot(c.to, direction) > 0.f && meets(c.to, c.radius, direction)))
       sum += c.chance / (2 * kPi * c.most);
   }
   return sum;

@@ -23,8 +23,9 @@ class LightAims {
     bool empty() const { return count_ == 0; }
     // Chooses one, and a direction (unit) to it. False: the point is inside of the one that was chosen, and the direction
     // is to be chosen as if there were none, with the numbers that u has been given.
-    bool choose(Vec2& u, Vec3& direction) const;
-    // By solid angle; `inside`: the density of `direction` where the point is inside.
+    bool choose(Vec2& u, Vec3& direction);
+    // By solid angle, of the direction that was chosen, or of any if none was; `inside`: the density of `direction` where the
+    // point is inside.
     float pdf(const Vec3& direction, float inside) const;
 
    private:
@@ -36,7 +37,7 @@ class LightAims {
       float chance = 0;
     };
     std::array<Cone, kMostSpecularBoxes> cones_;
-    std::size_t count_ = 0;
+    std::size_t count_ = 0, chosen_ = kMostSpecularBoxes;
   };
   // From p, for light that leaves within the cone around `axis` (unit) whose angle is at most a right one and has this
   // cosine; a cosine of -1: on all sides.

@@ -34,6 +34,9 @@ class SceneLights final : public Lights {
   bool has_infinite() const override { return !infinite_.empty(); }
   bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
   bool has_v2_disk() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e); }); }
+  bool disagrees() const override {
+    return std::ranges::any_of(emitters_, [&](const Emitter& e) { return e.kind >= EmitterKind::disk && !e.two_sided && quadrics_[e.index].quadric.inside_out; });
+  }
   std::uint64_t bytes() const override {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
                       quadrics_.size() * sizeof(EmissiveQuadric) +

@@ -58,6 +58,8 @@ class Lights {
   // There is a disk of pbrt-v2, whose light depends on the weights of the estimates (LightSample::weight_pdf): these
   // are to be those of pbrt, with Bsdf::even_pdf.
   virtual bool has_v2_disk() const = 0;
+  // Some lamp is lit by samples on one side and shows light on the other: a disk of pbrt-v2, a mirrored sphere of pbrt-v3.
+  virtual bool disagrees() const = 0;
 
   // Chooses a light with u_light and a direction with u. `n` is the shading normal on the side
   // whose light matters: turned towards the viewer for a surface that only reflects, the zero
