@@ -146,6 +146,27 @@ TEST(LightPaths, BringPointLightsByMirrors) {
   }
 }
 
+// Nothing else can find the light then, and nothing of it is given away.
+TEST(LightPaths, LeaveCurvesToPathsFromTheCamera) {
+  const std::string lamp = "AttributeBegin\nTranslate 0 5 2\nAreaLightSource \"diffuse\" \"rgb L\" [9 9 9]\nShape \"sphere\" \"float radius\" [1.2]\nAttributeEnd\n";
+  for (const char* type : {"flat", "cylinder", "ribbon\" \"normal N\" [0 1 0 0 1 0] \"string basis\" \"bezier"}) {
+    const std::string curve = "AttributeBegin\nMaterial \"glass\"\nTranslate 0 1 0\nShape \"curve\" \"string type\" \"" + std::string(type) +
+                              "\" \"point P\" [-2 0 0 -.5 1.5 0 .5 -.5 0 2 0 0] \"float width\" [.4]\nAttributeEnd\n";
+    const Picture off = picture_of(scene(lamp + curve), {.light_paths = LightPaths::none, .spp = 64}),
+                  caustics = picture_of(scene(lamp + curve), {.light_paths = LightPaths::caustics, .spp = 64});
+    EXPECT_EQ(off.mean, caustics.mean) << type;
+    EXPECT_EQ(caustics.splatted, 0u) << type;
+  }
+}
+
+// As shadow rays do not pass it, light that has scattered behind it does not come through.
+TEST(LightPaths, PassNoSurfaceWithoutMaterialThatOthersDoNot) {
+  const std::string shell = "AttributeBegin\nTranslate 0 4 1\nAreaLightSource \"diffuse\" \"rgb L\" [9 9 9]\nShape \"sphere\" \"float radius\" [.4]\nAttributeEnd\n"
+                            "AttributeBegin\nTranslate 0 4 1\nMaterial \"none\"\nShape \"sphere\" \"float radius\" [.7]\nAttributeEnd\n";
+  const std::string wall = "Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \"point P\" [-4 0 4  4 0 4  4 6 4  -4 6 4]\n";
+  EXPECT_EQ(picture_of(scene(shell + wall), {.light_paths = LightPaths::all, .spp = 64}).mean, 0);
+}
+
 TEST(LightPaths, AreTheSameInAllSplits) {
   std::string world = bulb(kBall, kSmoothed);
   for (int i = 0; i < 40; ++i)

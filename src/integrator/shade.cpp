@@ -275,7 +275,10 @@ void PathTracer::Shader::scattered(const ScatterResults& r, std::size_t lane, fl
   if (r.last >> lane & 1u) s.flags |= kLastRay;
   if (r.specular >> lane & 1u) {
     s.flags |= kSpecularBounce;
-    if (!s.has_light_ratio()) s.cone_width += s.cone_spread * t;
+    if (s.has_light_ratio())
+      s.light_ratio() = row[R::ratio];
+    else
+      s.cone_width += s.cone_spread * t;
     s.previous_pdf = 0;
   } else {
     s.flags = static_cast<std::uint16_t>((s.flags & ~kSpecularBounce) | kAnyNonSpecular);
