@@ -137,6 +137,26 @@ TEST(AreaLights, ShineByTheirNormal) {
   EXPECT_TRUE(scene.warnings.list().empty());
 }
 
+// Where samples are taken on one side and rays find light on the other: as in pbrt-v2 on disks, in pbrt-v3 on mirrored spheres.
+TEST(AreaLights, MayDisagreeWithThemselves) {
+  const auto disagrees = [](bool turned, bool two_sided, QuadricKind kind, float z_max = 1) {
+    Quadric q = sphere(Vec3(0), 1);
+    q.kind = kind;
+    q.z_max = z_max;
+    q.inside_out = turned;
+    Scene scene;
+    scene.description.dialect = Dialect::v3;
+    scene.quadric(q, Rgb(1), false, {boolean("twosided", two_sided)});
+    return scene.build()->disagrees();
+  };
+  EXPECT_TRUE(disagrees(true, false, QuadricKind::sphere));
+  EXPECT_TRUE(disagrees(true, false, QuadricKind::disk));
+  EXPECT_FALSE(disagrees(false, false, QuadricKind::sphere));
+  EXPECT_FALSE(disagrees(true, true, QuadricKind::sphere));
+  EXPECT_FALSE(disagrees(true, false, QuadricKind::sphere, 0.5f)) << "sampled as it is seen";
+  EXPECT_FALSE(disagrees(true, false, QuadricKind::cylinder));
+}
+
 TEST(AreaLights, ThatNoRayFindsHaveAllWeightUnlessTheyAreWeighed) {
   for (const bool weighed : {false, true}) {
     Scene scene;

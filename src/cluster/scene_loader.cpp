@@ -143,6 +143,7 @@ std::string SceneLoader::start_job(const wire::JobStart& job) {
         *scene->manifest, settings, read(*scene, wire::BLOB_PART, 0), *scene->resident, warnings);
     for (const std::string& w : warnings.list())
       if (w.find(" texels ") != std::string::npos) spdlog::warn("{}", w);
+    if (const std::string_view why = scene->tracer->no_light_paths(); !why.empty()) spdlog::warn("there are no paths from lights: {}", why);
     const std::uint64_t used = scene->resident->bytes() + scene->tracer->shading_bytes();
     if (used > memory_)
       throw ClusterError("main scene, textures and lights take " + std::to_string(used >> 20) +

@@ -97,11 +97,12 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
                           film_diagonal(manifest.scene.film));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
   film_pixels_ = static_cast<float>(job.film.frame.pixels());
-  const bool disagrees = lights_->disagrees();
-  if (!lights_->empty() && !disagrees && camera_->views_points()) light_paths_ = job.light_paths;
-  if (!lights_->empty() && light_paths_ != job.light_paths)
-    warnings.add(manifest.scene.camera.location, std::string("there are no paths from lights after all: ") +
-                     (disagrees ? "some lamp shines on the other side than pbrt samples" : "the camera's space has other angles than the world"));
+  if (lights_->disagrees())
+    no_light_paths_ = "some lamp shines on another side than it is sampled on, as in pbrt";
+  else if (!camera_->views_points())
+    no_light_paths_ = "the camera's space has other angles than the world";
+  else if (!lights_->empty())
+    light_paths_ = job.light_paths;
   if (light_paths_ == LightPaths::all) lights_->want_emission();
   if (light_paths_ != LightPaths::none) lights_->aim(manifest.specular_boxes, light_paths_ == LightPaths::caustics ? 1.f : kAimed);
   if (job.media != MediaTransport::none) build_media(manifest, main_part, warnings);

@@ -1,6 +1,7 @@
 #pragma once
 #include <atomic>
 #include <memory>
+#include <string_view>
 
 #include "film/camera.h"
 #include "integrator/engine.h"
@@ -47,6 +48,8 @@ class PathTracer final : public PathEngine {
   const JobSettings& job() const { return job_; }
   bool needs_footprint() const { return footprint_; }
   // Textures and light tables: counted in a host's memory besides the resident parts.
+  // Why there are none although the job asks for them, which only the geometry tells; empty: there are.
+  std::string_view no_light_paths() const { return job_.light_paths == LightPaths::none ? std::string_view() : no_light_paths_; }
   std::uint64_t shading_bytes() const { return shading_->bytes() + lights_->bytes(); }
   const EngineTime& time() const { return time_; }
   // For measurements, with one thread: all shadow rays from now on are appended to `to` as they are traced.
@@ -74,7 +77,7 @@ class PathTracer final : public PathEngine {
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
                     std::span<std::uint8_t> blocked) const;
   float time_of(std::uint32_t pixel, std::uint32_t sample) const;
-  // PathSegment::light_ratio() of a path from the camera that arrives at a vertex, t along its ray.
+  // PathSegment::light_ratio() of a path from the camera that arrives at a vertex, by its hit there.
   float light_ratio(const PathSegment& s, const Hit& hit) const;
   TraceRay ray_of(const PathSegment& s) const;
   void resolve_shadows(const ResidentSet& set, const Shadows& shadows, ShadeOutput& out) const;
@@ -87,6 +90,7 @@ class PathTracer final : public PathEngine {
   bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::has_v2_disk)
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool footprint_;
+  std::string_view no_light_paths_;
   bool uv_ = false;  // points on surfaces are asked for theirs
   std::uint32_t shape_lights_;  // their number
   bool motion_;      // some instance moves: rays have times

@@ -121,25 +121,14 @@ class Detector {
   void narrow(unsigned dialects) {
     if ((possible_ & dialects) != 0) possible_ &= dialects;
   }
-  // The two words of a parameter's type and name.
-  static std::pair<std::string_view, std::string_view> declaration(std::string_view text) {
-    constexpr std::string_view kBlank = " \t\r\n";
-    const auto word = [&] {
-      text.remove_prefix(std::min(text.find_first_not_of(kBlank), text.size()));
-      const std::string_view out = text.substr(0, text.find_first_of(kBlank));
-      text.remove_prefix(out.size());
-      return out;
-    };
-    const std::string_view type = word();
-    return {type, word()};
-  }
 
   bool scan_text(const std::shared_ptr<const SourceText>& text, const std::string& path) {
     Lexer lexer(text);
     for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) {
       if (t.kind == Token::Kind::open) lexer.skip_array();
       if (t.kind == Token::Kind::string) {
-        const auto [param, name] = declaration(t.text);
+        std::string_view rest = t.text;
+        const std::string_view param = take_word(rest), name = take_word(rest);
         for (const ParamSign& sign : kParamSigns)
           if (sign.type == param && (sign.name.empty() ? !name.empty() : sign.name == name)) narrow(sign.dialects);
         if (param == "string" && name == "type") {  // of a named material

@@ -309,4 +309,14 @@ std::int32_t Lexer::to_integer(const Token& t, std::uint64_t& fractions) const {
   return v;
 }
 
+std::string_view take_word(std::string_view& text) {
+  constexpr std::string_view kBlank = " \t\r\n";
+  const std::size_t first = text.find_first_not_of(kBlank);
+  if (first == std::string_view::npos) return text = {};
+  text.remove_prefix(first);
+  const std::string_view word = text.substr(0, text.find_first_of(kBlank));
+  text.remove_prefix(word.size());
+  return word;
+}
+
 }  // namespace cloudrenderer

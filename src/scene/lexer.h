@@ -69,4 +69,7 @@ class Lexer {
   bool has_peeked_ = false;
 };
 
+// Takes the next word between blanks from the front of the text, a parameter's type or name; "": there is none.
+std::string_view take_word(std::string_view& text);
+
 }  // namespace cloudrenderer

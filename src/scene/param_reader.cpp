@@ -48,16 +48,6 @@ constexpr std::array<TypeRow, 20> kTypes{{
     {"boolean", ParamType::boolean},
 }};
 
-std::string_view take_word(std::string_view& text) {
-  constexpr std::string_view kBlank = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(kBlank);
-  if (first == std::string_view::npos) return text = {};
-  text.remove_prefix(first);
-  const std::string_view word = text.substr(0, text.find_first_of(kBlank));
-  text.remove_prefix(word.size());
-  return word;
-}
-
 const TypeRow* declared_type(std::string_view& rest) {
   const std::string_view word = take_word(rest);
   const auto* const found = std::ranges::find(kTypes, word, &TypeRow::word);

@@ -95,16 +95,19 @@ float LightAims::View::pdf(const Vec3& direction, float inside) const {
   return sum;
 }
 
-Vec3 LightAims::choose_across(const Vec3& direction, Vec2 u) const {
-  const Aim& a = aims_[choose(aims_.size(), [&](std::size_t i) { return aims_[i].chance; }, u.x)];
+Vec3 LightAims::choose_across(const Vec3& direction, Vec2 u, std::size_t& chosen) const {
+  chosen = choose(aims_.size(), [&](std::size_t i) { return aims_[i].chance; }, u.x);
+  const Aim& a = aims_[chosen];
   const Vec2 at = a.radius * sample_disk<float>(u);
   return a.center + Frame(direction).to_world({at.x, at.y, 0.f});
 }
 
-float LightAims::pdf_across(const Vec3& p, const Vec3& direction) const {
+float LightAims::pdf_across(const Vec3& p, const Vec3& direction, std::size_t chosen) const {
   float sum = 0;
-  for (const Aim& a : aims_)
-    if (meets(a.center - p, a.radius, direction)) sum += a.chance / (kPi * a.radius * a.radius);
+  for (std::size_t i = 0; i < aims_.size(); ++i) {
+    const Aim& a = aims_[i];
+    if (i == chosen || meets(a.center - p, a.radius, direction)) sum += a.chance / (kPi * a.radius * a.radius);
+  }
   return sum;
 }
 

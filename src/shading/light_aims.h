@@ -44,9 +44,10 @@ class LightAims {
   View from(const Vec3& p, const Vec3& axis, float cosine) const;
 
   // Parallel light: a point on a line along `direction` (unit) that meets a sphere, and the density of such lines by the
-  // area across.
-  Vec3 choose_across(const Vec3& direction, Vec2 u) const;
-  float pdf_across(const Vec3& p, const Vec3& direction) const;
+  // area across, of one that has been chosen for `chosen` or of any.
+  static constexpr std::size_t kNoneChosen = kMostSpecularBoxes;
+  Vec3 choose_across(const Vec3& direction, Vec2 u, std::size_t& chosen) const;
+  float pdf_across(const Vec3& p, const Vec3& direction, std::size_t chosen) const;
 
  private:
   struct Aim {

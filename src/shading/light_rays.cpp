@@ -56,9 +56,9 @@ bool LightRays::is_aimed(float& u) const {
   return aimed;
 }
 
-float LightRays::across(const Vec3& p, const Vec3& direction) const {
+float LightRays::across(const Vec3& p, const Vec3& direction, std::size_t chosen) const {
   const float disk = 1.f / (kPi * radius_ * radius_);
-  return aimed_ > 0.f ? (1.f - aimed_) * disk + aimed_ * aims_.pdf_across(p, direction) : disk;
+  return aimed_ > 0.f ? (1.f - aimed_) * disk + aimed_ * aims_.pdf_across(p, direction, chosen) : disk;
 }
 
 float LightRays::area(const Emitter& e) const {
@@ -175,13 +175,14 @@ bool LightRays::emit_from_outside(const Emitter& e, const Vec2& u_point, const V
     out.weight /= pdf;
   }
   Vec2 u = u_point;
+  std::size_t chosen = LightAims::kNoneChosen;
   if (is_aimed(u.x)) {
-    out.origin = aims_.choose_across(towards, u);
+    out.origin = aims_.choose_across(towards, u, chosen);
   } else {
     const Vec2 at = radius_ * sample_disk<float>(u);
     out.origin = center_ + Frame(towards).to_world({at.x, at.y, 0.f});
   }
-  out.weight /= across(out.origin, towards);
+  out.weight /= across(out.origin, towards, chosen);
   out.direction = -towards;
   out.origin += towards * (1.01f * radius_ - glm::dot(out.origin - center_, towards));
   return true;

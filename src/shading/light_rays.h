@@ -39,8 +39,8 @@ class LightRays {
   float area(const Emitter& e) const;  // of a shape
   // The share of the aimed rays in u, which is made another number, or that of the others.
   bool is_aimed(float& u) const;
-  // Density of lines along `direction` through p.
-  float across(const Vec3& p, const Vec3& direction) const;
+  // Density of lines along `direction` through p; `chosen`: see LightAims.
+  float across(const Vec3& p, const Vec3& direction, std::size_t chosen = LightAims::kNoneChosen) const;
   bool emit_from_shape(const Emitter& e, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;
   bool emit_from_point(const Emitter& e, const Vec2& u_direction, LightRay& out) const;
   bool emit_from_outside(const Emitter& e, const Vec2& u_point, const Vec2& u_direction, LightRay& out) const;

@@ -35,7 +35,8 @@ class SceneLights final : public Lights {
   bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
   bool has_v2_disk() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e); }); }
   bool disagrees() const override {
-    return std::ranges::any_of(emitters_, [&](const Emitter& e) { return e.kind >= EmitterKind::disk && !e.two_sided && quadrics_[e.index].quadric.inside_out; });
+    const auto turned = [&](const Emitter& e) { return e.kind == EmitterKind::sphere && !e.two_sided && quadrics_[e.index].quadric.inside_out; };
+    return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e) || turned(e); });
   }
   std::uint64_t bytes() const override {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
@@ -48,8 +49,7 @@ class SceneLights final : public Lights {
     return n;
   }
 
-  bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u,
-              LightSample& out) const override {
+  bool sample(const Vec3& p, const Vec3& n, float u_light, const Vec2& u, LightSample& out) const override {
     if (emitters_.empty()) return false;
     float chance;
     const std::int64_t chosen = choice_.sample(p, n, u_light, chance);
@@ -318,8 +318,7 @@ class SceneLights final : public Lights {
         spots_.push_back(cone);
       }
     } else if (desc.type == "goniometric" || desc.type == "projection") {
-      const auto kind = desc.type == "projection" ? DirectionalMap::Kind::projection
-                                                  : DirectionalMap::Kind::goniometric;
+      const auto kind = desc.type == "projection" ? DirectionalMap::Kind::projection : DirectionalMap::Kind::goniometric;
       DirectionalMap map(kind, desc, read_maps, warnings);
       made = make_mapped(desc, map, warnings);
       if (made) {
@@ -334,8 +333,7 @@ class SceneLights final : public Lights {
       e.emitter.kind = EmitterKind::infinite;
       e.emitter.index = static_cast<std::uint32_t>(infinite_.size());
       e.bounds.shape = EmitterShape::everywhere;
-      e.bounds.strength =
-          kPi * average(light.mean());  // what it gives a surface that sees half of it
+      e.bounds.strength = kPi * average(light.mean());  // what it gives a surface that sees half of it
       if (e.bounds.strength > 0.f) {
         infinite_.push_back(std::move(light));
         infinite_emitters_.push_back(add(e));
