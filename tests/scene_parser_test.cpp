@@ -124,13 +124,14 @@ TEST(Parser, BeforeV4AFileMayHoldSomeOfTheParameters) {
   const auto parse = [&](const std::string& list) {
     SceneCollector sink;
     Warnings warnings;
-    parse_scene(folder.write("a.pbrt", "WorldBegin Shape \"x\" " + list + " WorldEnd"), {}, sink, warnings);
+    parse_scene(folder.write("a.pbrt", "WorldBegin Texture \"t\" \"float\" \"constant\" Shape \"x\" " + list + " WorldEnd"), {}, sink, warnings);
     return sink.shapes;
   };
   const auto shapes = parse("\"float a\" 1 Include \"more.pbrt\" \"float d\" 4 Shape \"y\"");
   ASSERT_EQ(shapes.size(), 2u);
   const char* name = "abcd";
   for (float i = 1; i <= 4; ++i) EXPECT_EQ(shapes[0].params.real(std::string(1, *name++), 0), i);
+  EXPECT_TRUE(parse("\"texture b\" \"t\" Include \"more.pbrt\"").at(0).params.texture("b"));
   try {
     parse("Include \"wrong.pbrt\"");
     ADD_FAILURE() << "a directive between parameters was read";
@@ -290,10 +291,17 @@ TEST(Parser, ParametersOfAnotherTypeAreNotThere) {
   ignored("MakeNamedMaterial \"m\" \"string type\" \"plastic\" \"rgb roughness\" [1 1 1]", "is of type rgb, not float");
   ignored("Material \"matte\" \"skinlayer layers\" [1 2 3 4] \"rgb Kd\" [1 0 0]", "types are float");
   ignored("Material \"matte\" \"Kd\" 3 \"rgb Kd\" [1 0 0]", "types are float");
+  ignored("Shape \"cylinder\" \"float radius\" [1 2]", "\"radius\" has 2 values, not one");
+  ignored("Shape \"cylinder\" \"float radius\" []", "\"radius\" has 0 values, not one");
+  ignored("Shape \"cylinder\" \"float radius\" \"2\"", "the value of parameter \"radius\" is not of type float: ignored");
+  ignored("Shape \"cylinder\" \"float radius\" [ \"a ]\" \"2\" ] \"float zmax\" 3", "the value of parameter \"radius\" is not of type float");
+  ignored("AreaLightSource \"diffuse\" \"bool twosided\" [1]", "the value of parameter \"twosided\" is not of type bool");
+  ignored("Texture \"t\" \"color\" \"imagemap\" \"string filename\" 5", "the value of parameter \"filename\" is not of type string");
   for (const char* fine : {"Material \"matte\" \"float sigma\" 3 \"spectrum Kd\" [400 1 700 1]", "Shape \"trianglemesh\" \"point2 uv\" [0 0]",
                            "Texture \"t\" \"float\" \"scale\" \"float tex1\" 2 \"float tex2\" 3", "LightSource \"spot\" \"integer coneangle\" 20",
                            "Texture \"t\" \"color\" \"constant\" \"rgb value\" [1 1 1] Texture \"u\" \"color\" \"mix\" \"texture tex1\" \"t\"",
-                           "Material \"someones\" \"float Kd\" 3"})
+                           "Shape \"trianglemesh\" \"integer indices\" [0 1 2] \"point P\" [0 0 0 1 0 0 0 1 0]", "Material \"matte\" \"spectrum Kd\" \"a.spd\"",
+                           "AreaLightSource \"diffuse\" \"bool twosided\" [\"true\"]", "Material \"someones\" \"float Kd\" 3"})
     EXPECT_EQ(joined(parse_text(std::string("WorldBegin\n") + fine + "\nWorldEnd", Dialect::v3).warnings).find("not "), std::string::npos) << fine;
   // In pbrt-v4 types decide about the meaning.
   EXPECT_THROW(parse_text("WorldBegin\nShape \"sphere\" \"flaot radius\" 1", Dialect::v4), SceneError);
@@ -327,6 +335,13 @@ TEST(Parser, TexturesCountBeforePbrtV4) {
     const ParsedScene p = world(std::string("Texture \"t\" \"color\" \"constant\" Material \"matte\" ") + both + " Shape \"sphere\"");
     EXPECT_TRUE(p.scene.materials.at(0).params.texture("Kd")) << both;
   }
+}
+
+TEST(Parser, UnknownTexturesLeaveTheDefault) {
+  const ParsedScene p = world("Texture \"t\" \"color\" \"plaid\" Material \"matte\" \"texture Kd\" \"t\" Shape \"sphere\"");
+  EXPECT_TRUE(p.scene.textures.empty());
+  EXPECT_FALSE(p.scene.materials.at(0).params.has("Kd"));
+  EXPECT_NE(joined(p.warnings).find("unknown texture \"plaid\", expected one of "), std::string::npos) << joined(p.warnings);
 }
 
 TEST(Parser, AreaLightsInObjectsAreIgnored) {

@@ -262,6 +262,45 @@ TEST(Resident, AlphaCutsHolesForCameraAndShadowRays) {
   }
 }
 
+// A sphere with holes: its inside is seen through them, in a packet of rays and alone.
+TEST(Resident, TheFarSideIsSeenThroughTheHolesOfASphere) {
+  prepare_compute_thread();
+  auto a = std::make_shared<Arrays>();
+  QuadricRecord ball;
+  ball.quadric.radius = 1;
+  ball.quadric.z_min = -1;
+  ball.quadric.z_max = 1;
+  ball.alpha_texture = 7;
+  a->quadrics.push_back(ball);
+  Resident resident({});
+  resident.set_alpha([](std::uint32_t, const Vec2&, const Vec3& p) { return p.x < 0.f || (p.y > 0.f && p.x < .5f) ? 0.f : 1.f; });
+  resident.load_part(PartId{1}, as_part(a));
+  const auto set = resident.snapshot();
+  RayPacket packet, shorter;
+  std::array<Hit, 8> alone, together;
+  std::uint32_t blocked = 0, blocked_before = 0;
+  for (std::size_t i = 0; i < 8; ++i) {
+    const float x = -.875f + static_cast<float>(i) * .25f, depth = std::sqrt(1.f - x * x);
+    const TraceRay ray{{x, 10, .01f}, kInfinity, {0, -1, 0}};
+    lanes::put(packet.origin, i, ray.origin);
+    lanes::put(packet.direction, i, ray.direction);
+    lanes::put(packet.t_max, i, ray.t_max);
+    EXPECT_EQ(set->intersect(1, ray, alone[i]), x > 0) << x;
+    if (x > 0) {
+      EXPECT_NEAR(alone[i].t, x < .5f ? 10 + depth : 10 - depth, 1e-3f) << x;
+    }
+    EXPECT_EQ(set->occluded(1, ray), x > 0) << x;
+    blocked |= static_cast<std::uint32_t>(x > 0) << i;
+    blocked_before |= static_cast<std::uint32_t>(x > .5f) << i;
+  }
+  shorter = packet;
+  shorter.t_max = Float8(10.f);
+  set->intersect8(1, packet, 0xff, Coherence::any, together.data());
+  for (std::size_t i = 0; i < 8; ++i) EXPECT_EQ(alone[i].t, together[i].t) << i;
+  EXPECT_EQ(set->occluded8(1, packet, 0xff), blocked);
+  EXPECT_EQ(set->occluded8(1, shorter, 0xff), blocked_before);
+}
+
 // pbrt-v4: as many rays as alpha says meet the surface; the same ray always does the same.
 TEST(Resident, AlphaByChance) {
   prepare_compute_thread();

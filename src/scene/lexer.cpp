@@ -86,6 +86,8 @@ Lexer::Lexer(std::shared_ptr<const SourceText> source) : source_(std::move(sourc
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // UTF-8 byte order mark
   p_ = line_start_ = text.data();
   end_ = p_ + text.size();
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff"))
+    throw SceneError(here(), "the file is text in UTF-16: UTF-8 is needed");
 }
 
 Token Lexer::at(const char* p) const {

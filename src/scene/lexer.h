@@ -33,6 +33,11 @@ class Lexer {
     if (has_peeked_) return has_peeked_ = false, peeked_;
     return scan();
   }
+  // The character that what follows the token last seen begins with; 0 at the end.
+  char ahead() {
+    skip_blanks();
+    return p_ == end_ ? '\0' : *p_;
+  }
   FileLocation location(const Token& t) const { return {source_->name(), t.line, t.column}; }
   FileLocation here() const { return location(at(p_)); }
   const SourceText& source() const { return *source_; }

@@ -67,10 +67,27 @@ BulkArray<float> from_colors(const std::vector<Rgb>& colors) {
   return BulkArray<float>(std::move(flat));
 }
 
+// Whether the value that follows can be of a type, as far as its first character says.
+bool begins_value(Lexer& lexer, const TypeRow& type) {
+  const Token& value = lexer.peek();
+  if (value.kind == Token::Kind::end || value.kind == Token::Kind::word) return true;  // an error of its own
+  const char first = value.kind == Token::Kind::open     ? lexer.ahead()
+                     : value.kind == Token::Kind::string ? '"'
+                                                         : value.text.front();
+  const bool number = (first >= '0' && first <= '9') || first == '-' || first == '+' || first == '.';
+  if (type.type == ParamType::string || type.type == ParamType::texture || type.type == ParamType::boolean) return !number;
+  return first != '"' || type.spelling == Spelling::spectrum;
+}
+
 }  // namespace
 
 ParamSet ParamReader::read(Lexer& lexer, bool reads_files) {
   ParamSet out;
+  read_more(lexer, out, reads_files);
+  return out;
+}
+
+void ParamReader::read_more(Lexer& lexer, ParamSet& out, bool reads_files) {
   while (lexer.peek().kind == Token::Kind::string) {
     if (out.all().size() == kMostParams)
       throw SceneError(lexer.location(lexer.peek()),
@@ -81,7 +98,6 @@ ParamSet ParamReader::read(Lexer& lexer, bool reads_files) {
     const Param* const there = dialect_ == Dialect::v4 ? nullptr : out.find(p->name);
     if (!there || there->type != ParamType::texture || p->type == ParamType::texture) out.add(std::move(*p));
   }
-  return out;
 }
 
 void ParamReader::skip_value(Lexer& lexer) {
@@ -111,6 +127,12 @@ std::optional<Param> ParamReader::read_one(Lexer& lexer, bool reads_files) {
   p.name = std::string(take_word(rest));
   if (p.name.empty())
     throw SceneError(p.location, "the parameter \"" + std::string(row.word) + "\" has no name");
+  if (dialect_ != Dialect::v4 && !begins_value(lexer, row)) {
+    warnings_.add(p.location, "the value of parameter \"" + p.name + "\" is not of type " + std::string(row.word) +
+                                  ": ignored, as in pbrt");
+    skip_value(lexer);
+    return std::nullopt;
+  }
 
   const SpectrumUse use = std::exchange(use_, p.name == "Le" ? SpectrumUse::light : use_);
   if (row.type == ParamType::integer) {

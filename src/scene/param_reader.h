@@ -28,9 +28,12 @@ class ParamReader {
 
   // `reads_files` is false for directives whose "filename" is written to (Film).
   ParamSet read(Lexer& lexer, bool reads_files = true);
+  // Adds to a list that another file began.
+  void read_more(Lexer& lexer, ParamSet& params, bool reads_files);
 
  private:
-  std::optional<Param> read_one(Lexer& lexer, bool reads_files);  // none: it has no type, a warning
+  // None, with a warning: it has no type, or values that are not of it.
+  std::optional<Param> read_one(Lexer& lexer, bool reads_files);
   void skip_value(Lexer& lexer);
   BulkArray<float> reals(Lexer& lexer, bool finite);
   BulkArray<std::int32_t> integers(Lexer& lexer, const Param& p);

@@ -1,6 +1,7 @@
 #include "scene/param_types.h"
 
 #include <algorithm>
+#include <array>
 
 namespace cloudrenderer {
 namespace {
@@ -17,6 +18,29 @@ bool fits(std::string_view wanted, ParamType given, bool textures, bool any_valu
   return true;
 }
 
+// Parameters of one type that are lists; every other one has one value.
+constexpr std::array<std::string_view, 15> kLists{"indices", "faceIndices", "P",      "Pw",      "N",            "S",          "uv",         "st",
+                                                  "Pz",      "uknots",      "vknots", "density", "screenwindow", "cropwindow", "pixelbounds"};
+
+std::size_t count_of(const Param& p) {
+  using enum ParamType;
+  switch (p.type) {
+    case boolean:
+    case integer:
+      return p.integers.size();
+    case real:
+      return p.reals.size();
+    case point2:
+    case vector2:
+      return p.reals.size() / 2;
+    case string:
+    case texture:
+      return p.strings.size();
+    default:
+      return p.reals.size() / 3;
+  }
+}
+
 }  // namespace
 
 void ParamTypes::check(std::string_view directive, Entity& e, Warnings& warnings) {
@@ -29,19 +53,21 @@ void ParamTypes::check(std::string_view directive, Entity& e, Warnings& warnings
   if (slot->second.empty()) return;
   // A texture's values are of its own kind.
   const bool texture = directive == "Texture", textures = texture || directive == "Material";
-  const auto wanted = [&](const Param& p) -> std::string_view {
-    const auto found = std::ranges::find_if(slot->second, [&](const LanguageParam& k) {
+  std::vector<std::string> gone;
+  for (const Param& p : e.params.all()) {
+    const auto known = std::ranges::find_if(slot->second, [&](const LanguageParam& k) {
       return k.name == p.name && (k.dialects & dialect_bit(dialect_)) != 0;
     });
-    return found == slot->second.end() || fits(found->type, p.type, textures, texture) ? std::string_view() : found->type;
-  };
-  std::vector<std::string> gone;
-  for (const Param& p : e.params.all())
-    if (const std::string_view type_wanted = wanted(p); !type_wanted.empty()) {
-      warnings.add(p.location, "parameter \"" + p.name + "\" is of type " + type_word(p.type) + ", not " + std::string(type_wanted) +
-                                   ": ignored, as in pbrt");
-      gone.push_back(p.name);
-    }
+    if (known == slot->second.end()) continue;
+    std::string what;
+    if (!fits(known->type, p.type, textures, texture))
+      what = std::string("is of type ") + type_word(p.type) + ", not " + std::string(known->type);
+    else if (const std::size_t n = count_of(p); n != 1 && std::ranges::find(kLists, p.name) == kLists.end())
+      what = "has " + std::to_string(n) + " values, not one";
+    if (what.empty()) continue;
+    warnings.add(p.location, "parameter \"" + p.name + "\" " + what + ": ignored, as in pbrt");
+    gone.push_back(p.name);
+  }
   for (const std::string& name : gone) e.params.take(name);
 }
 

@@ -10,8 +10,8 @@
 
 namespace cloudrenderer {
 
-// pbrt-v2 and pbrt-v3 look a parameter up among those of one type: of another type it is not there, and the default
-// counts. Which type that is the language's tables say.
+// pbrt-v2 and pbrt-v3 look a parameter up among those of one type that have one value (but for lists): any other is not
+// there, and the default counts. Which type that is the language's tables say.
 class ParamTypes {
  public:
   explicit ParamTypes(Dialect dialect) : dialect_(dialect) {}

@@ -310,15 +310,10 @@ Entity Parser::read_entity(const Token& directive, bool reads_files) {
                         : ParamReader::SpectrumUse::reflectance);
   }
   e.params = params_.read(lexer(), reads_files);
-  while (read_included_params(e.params, reads_files)) {
-    const ParamSet more = params_.read(lexer(), reads_files);
-    for (const Param& p : more.all()) e.params.add(p);
-  }
+  while (read_included_params(e.params, reads_files)) params_.read_more(lexer(), e.params, reads_files);
   // An included file may end between a directive and more of its parameters.
-  for (std::size_t i = files_.size() - 1; i > 0 && !files_[i].imported && files_[i].lexer.peek().kind == Token::Kind::end; --i) {
-    const ParamSet more = params_.read(files_[i - 1].lexer, reads_files);
-    for (const Param& p : more.all()) e.params.add(p);
-  }
+  for (std::size_t i = files_.size() - 1; i > 0 && !files_[i].imported && files_[i].lexer.peek().kind == Token::Kind::end; --i)
+    params_.read_more(files_[i - 1].lexer, e.params, reads_files);
   if (use_) count_use(directive.text, e);
   if (is_v4())
     complete_v4(directive.text, e);
@@ -341,8 +336,7 @@ bool Parser::read_included_params(ParamSet& params, bool reads_files) {
   if (!text) return false;  // `include` says it
   Lexer inner(*text);
   if (inner.peek().kind != Token::Kind::string) return false;
-  const ParamSet included = params_.read(inner, reads_files);
-  for (const Param& p : included.all()) params.add(p);
+  params_.read_more(inner, params, reads_files);
   if (const Token& end = inner.peek(); end.kind != Token::Kind::end)
     throw SceneError(inner.location(end),
                      "expected nothing but parameters in a file that is included between "

@@ -52,7 +52,9 @@ void Parser::integrator(const Token& t) {
 
 void Parser::renderer(const Token& t) {
   Entity e = read_option(t, false);
-  if (in_options(t)) builder_.scene().renderer = std::move(e);
+  if (!in_options(t)) return;
+  if (!find_language("Renderer", e.type)) builder_.warn_once(e.location, "unknown renderer \"" + e.type + "\": the surface integrator is used");
+  builder_.scene().renderer = std::move(e);
 }
 
 void Parser::volume_integrator(const Token& t) {
@@ -61,8 +63,8 @@ void Parser::volume_integrator(const Token& t) {
 }
 
 void Parser::accelerator(const Token& t) {
-  read_entity(t);  // Embree is the accelerator
-  in_options(t);
+  const Entity e = read_entity(t);  // Embree is the accelerator
+  if (in_options(t) && !find_language("Accelerator", e.type)) builder_.warn_once(e.location, "unknown accelerator \"" + e.type + "\": ignored");
 }
 
 void Parser::light_source(const Token& t) {
@@ -136,6 +138,11 @@ void Parser::texture(const Token& t) {
   if (type != "float" && type != "spectrum" && type != "color")
     throw SceneError(location(kind),
                      "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"");
+  if (!is_v4() && !find_language("Texture", e.type)) {
+    builder_.warn_once(e.location, "unknown texture \"" + e.type + "\", expected one of " + known_types("Texture", builder_.scene().dialect) +
+                                       ": what refers to it takes its default");
+    return;
+  }
   stands_still(e.location, "texture");
   DMat4 to_world = ctm_.start;
   if (is_v4()) v4_.texture(e, to_world);

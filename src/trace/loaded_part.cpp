@@ -42,9 +42,9 @@ void quadric_intersect(const RTCIntersectFunctionNArguments* args) {
     if (!args->valid[i]) continue;
     const LaneRay r = lane_ray(rays, args->N, i);
     if (self->surely_misses(args->primID, r.origin, r.direction, r.t_far)) continue;
-    QuadricHit found;
-    if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
-    offer_hit(args, i, r, found.t, 0, 0);
+    QuadricHit found{r.t_near};
+    while (intersect(q, r.origin, r.direction, found.t, r.t_far, found))
+      if (offer_hit(args, i, r, found.t, 0, 0) || !self->has_alpha()) break;
   }
 }
 
@@ -55,10 +55,10 @@ void quadric_occluded(const RTCOccludedFunctionNArguments* args) {
     if (!args->valid[i]) continue;
     const LaneRay r = lane_ray(args->ray, args->N, i);
     if (self->surely_misses(args->primID, r.origin, r.direction, r.t_far)) continue;
-    QuadricHit found;
-    if (!intersect(q, r.origin, r.direction, r.t_near, r.t_far, found)) continue;
-    if (self->has_alpha() && !self->opaque(kQuadrics, args->primID, 0, 0, r.origin, r.direction, found.t, true, scene_of(args->context))) continue;
-    RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
+    QuadricHit found{r.t_near};
+    while (RTCRayN_tfar(args->ray, args->N, i) >= 0 && intersect(q, r.origin, r.direction, found.t, r.t_far, found))
+      if (!self->has_alpha() || self->opaque(kQuadrics, args->primID, 0, 0, r.origin, r.direction, found.t, true, scene_of(args->context)))
+        RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
   }
 }
 

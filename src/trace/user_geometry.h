@@ -15,8 +15,9 @@ inline LaneRay lane_ray(RTCRayN* ray, unsigned n, unsigned i) {
           RTCRayN_tfar(ray, n, i)};
 }
 
-// Asks the filter whether a hit of lane `i` at t counts, and keeps it if so.
-inline void offer_hit(const RTCIntersectFunctionNArguments* args, unsigned i, const LaneRay& r, float t, float u, float v) {
+// Asks the filter whether a hit of lane `i` at t counts, and keeps it if so. False where it does not: behind a surface
+// that alpha takes away, the same primitive may be met once more.
+inline bool offer_hit(const RTCIntersectFunctionNArguments* args, unsigned i, const LaneRay& r, float t, float u, float v) {
   RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
   RTCHitN* hits = RTCRayHitN_HitN(args->rayhit, args->N);
   RTCHit hit{};
@@ -42,6 +43,7 @@ inline void offer_hit(const RTCIntersectFunctionNArguments* args, unsigned i, co
     rtcCopyHitToHitN(hits, &hit, args->N, i);
   else
     RTCRayN_tfar(rays, args->N, i) = r.t_far;
+  return valid != 0;
 }
 
 }  // namespace cloudrenderer
