@@ -25,10 +25,12 @@ MessageSize size_of(const wire::Message& m, double weight, double per_batch, std
       const auto items = static_cast<double>(b->size());
       s.messages = blocks(items, full);
       s.bytes = items * w * static_cast<double>(wire::segment_bytes(b->columns, kRadianceBytes));
+      s.moves = items * w;
     } else if (const auto* o = std::get_if<wire::OcclusionBlock>(&submit->payload)) {
       const auto items = static_cast<double>(o->size());
       s.messages = blocks(items, 4 * full);
       s.bytes = items * w * kRayBytes;
+      s.moves = items * w;
     }
   } else if (const auto* reply = std::get_if<wire::Reply>(&m)) {
     if (const auto* t = std::get_if<wire::TracerReply>(&reply->payload)) {

@@ -6,6 +6,7 @@ namespace cloudrenderer::sim {
 // Of what workers say to each other.
 struct MessageSize {
   double bytes = 0, messages = 1;
+  double moves = 0;  // segments and shadow rays in it
 };
 // Of the real messages that a simulated one stands for, with `weight` real paths a path. A real batch has `weight` times
 // as many segments that leave (`per_batch` simulated ones), for the same hosts (`peers`): of n segments for T hosts,

@@ -84,6 +84,7 @@ ComputeCosts read_costs(const Json& report, const SceneModel& m) {
   c.triangle = known.value("triangle", c.triangle);
   c.message = known.value("message", c.message);
   c.message_byte = known.value("message_byte", c.message_byte);
+  c.move = known.value("move", c.move);
   return c;
 }
 

@@ -39,8 +39,9 @@ struct ComputeCosts {
   double occlusion = 0;  // a shadow ray
   double path = 0;       // what else a path costs: queues, ends, sums
   double triangle = 4e-7;   // loading it, its BVH included
-  double message = 30e-6;   // between two hosts, both ends
+  double message = 60e-6;   // between two hosts, both ends
   double message_byte = 0.45e-9;
+  double move = 6e-7;       // a segment or a shadow ray that moves: sorted out, packed, unpacked, its parts looked up again
 };
 
 struct SceneModel {

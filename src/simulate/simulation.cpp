@@ -14,7 +14,7 @@
 namespace cloudrenderer::sim {
 namespace {
 
-constexpr double kWorkOverhead = 2e-6;        // seconds of a thread for a batch
+constexpr double kWorkOverhead = 2e-5;        // seconds of a thread for a batch
 constexpr std::uint32_t kRealTile = 32, kRealRound = 16;
 std::uint64_t incarnation_of(HostId h) { return 1000 + h.value; }
 
@@ -273,7 +273,7 @@ class Simulation {
     if (n.peers.insert(to.value).second && !nodes_[to.value]->peers.contains(n.id.value)) connections_ += 2;
     const MessageSize size = size_of(m, weight_, n.per_batch, n.peers.size());
     sent_bytes_ += size.bytes;
-    const double cpu = 0.5 * (size.messages * model_.costs.message + size.bytes * model_.costs.message_byte);
+    const double cpu = 0.5 * (size.messages * model_.costs.message + size.bytes * model_.costs.message_byte + size.moves * model_.costs.move);
     n.debt += cpu;
     n.line_out = std::max(n.line_out, now()) + size.bytes / plan_.network.bandwidth;
     ++n.in_flight;

@@ -163,6 +163,14 @@ void ManagerCore::count_holds(const Host& h, int sign) {
   if (!h.leaving) count(h.team->staying);
 }
 
+void ManagerCore::count_hold(const Host& h, PartId p) {
+  const auto count = [&](Holders& holders) {
+    if (holders.of[p.value]++ == 0) --holders.unheld;
+  };
+  if (!h.leaving || h.released == 0) count(h.team->there);
+  if (!h.leaving) count(h.team->staying);
+}
+
 void ManagerCore::receive(HostId from, wire::Message message, double now) {
   const auto it = hosts_.find(from);
   if (it == hosts_.end() || finished()) return void(++progress_.dropped_messages);
@@ -184,15 +192,16 @@ void ManagerCore::handle(HostId from, Host& h, wire::LoadReport& m, double now) 
     if (hosts_.empty() || (traced && std::none_of(hosts_.begin(), hosts_.end(), can_go_on))) fail(why, now);
     return;
   }
-  count_holds(h, -1);
+  const bool counted = h.started;
   if (!h.started) h.unforeseen = m.bytes_used() - std::min(m.bytes_used(), main_bytes());
   h.started = true;
   for (const std::uint32_t p : m.unloaded())
     if (const auto it = h.unloading.find(PartId(p)); it != h.unloading.end() && --it->second == 0)
       h.unloading.erase(it);
   for (const std::uint32_t p : m.loaded())
-    if (h.wanted.contains(PartId(p)) && !h.unloading.contains(PartId(p))) h.holds.insert(PartId(p));
-  count_holds(h, 1);
+    if (h.wanted.contains(PartId(p)) && !h.unloading.contains(PartId(p)) && h.holds.insert(PartId(p)).second && counted)
+      count_hold(h, PartId(p));
+  if (!counted) count_holds(h, 1);
   bool declined = false;
   for (const std::uint32_t p : m.declined()) {
     if (h.unloading.contains(PartId(p))) continue;

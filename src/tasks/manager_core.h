@@ -287,6 +287,7 @@ class ManagerCore {
   double lost_after() const;
   // What the team's holders count of this host, and no more.
   void count_holds(const Host& h, int sign);
+  void count_hold(const Host& h, PartId p);  // one more
   void handle(HostId from, Host& h, wire::LoadReport& m, double now);
   void handle(HostId from, Host& h, wire::Reply& m, double now);
   void handle(HostId from, Host& h, wire::Status& m, double now);

@@ -215,8 +215,7 @@ std::uint32_t ResidentSet::occluded8(std::uint32_t part_id, const RayPacket& ray
 
 Resident::Resident(const Options& options)
     : cache_(options.cache),
-      device_(cache_ ? nullptr : std::make_shared<Device>(options.threads, options.isa.c_str())),
-      set_(std::make_shared<ResidentSet>()) {
+      device_(cache_ ? nullptr : std::make_shared<Device>(options.threads, options.isa.c_str())) {
   set_scene({options.alpha, {}});
 }
 
@@ -226,9 +225,8 @@ Resident::~Resident() {
 }
 
 void Resident::set_scene(SceneFunctions scene) {
-  auto next = std::make_shared<ResidentSet>(*set_);
-  next->scene_ = std::make_shared<const SceneFunctions>(std::move(scene));
-  set_ = std::move(next);
+  now_.scene_ = std::make_shared<const SceneFunctions>(std::move(scene));
+  set_.reset();
 }
 bool Alpha::opaque(const Vec3& origin, const Vec3& direction, const Vec3& p) const {
   if (!by_chance) return value != 0.f;
@@ -240,8 +238,8 @@ bool Alpha::opaque(const Vec3& origin, const Vec3& direction, const Vec3& p) con
   return to_unit(static_cast<std::uint32_t>(key >> 32)) < value;
 }
 
-void Resident::set_alpha(AlphaFunction alpha) { set_scene({std::move(alpha), set_->scene_->rates}); }
-void Resident::set_collision_rates(std::vector<CollisionRate> rates) { set_scene({set_->scene_->alpha, std::move(rates)}); }
+void Resident::set_alpha(AlphaFunction alpha) { set_scene({std::move(alpha), now_.scene_->rates}); }
+void Resident::set_collision_rates(std::vector<CollisionRate> rates) { set_scene({now_.scene_->alpha, std::move(rates)}); }
 
 Resident::Loaded Resident::build(Part part, std::vector<Loaded> prototypes, BvhForm form) {
   if (!cache_) return std::make_shared<const LoadedPart>(device_, std::move(part), std::move(prototypes), form);
@@ -280,6 +278,12 @@ std::vector<Resident::Loaded> Resident::prototypes_of(const Part& part) const {
   return needed;
 }
 
+void Resident::exchange(Loaded& place, Loaded& with) {
+  if (cache_) held_ += (with ? with->bytes() : 0) - (place ? place->bytes() : 0);
+  held_peak_ = std::max(held_peak_, held_);
+  std::swap(place, with);
+}
+
 void Resident::drop(Loaded loaded) {
   if (loaded && cache_) cache_->give_back(loaded);
 }
@@ -288,22 +292,19 @@ void Resident::put_prototype(std::uint32_t prototype, Loaded loaded) {
   {
     const std::lock_guard lock(mutex_);
     if (prototypes_.size() <= prototype) prototypes_.resize(prototype + 1);
-    std::swap(prototypes_[prototype], loaded);
+    exchange(prototypes_[prototype], loaded);
   }
   drop(std::move(loaded));
-  bytes();  // for the peak
 }
 
 void Resident::put_part(PartId id, Loaded loaded) {
   {
     const std::lock_guard lock(mutex_);
-    auto next = std::make_shared<ResidentSet>(*set_);
-    if (next->parts_.size() <= id.value) next->parts_.resize(id.value + 1);
-    std::swap(next->parts_[id.value], loaded);
-    set_ = std::move(next);
+    if (now_.parts_.size() <= id.value) now_.parts_.resize(id.value + 1);
+    exchange(now_.parts_[id.value], loaded);
+    set_.reset();
   }
   drop(std::move(loaded));
-  bytes();
 }
 
 std::uint64_t Resident::load_prototype(std::uint32_t prototype, Part part) {
@@ -337,10 +338,9 @@ void Resident::unload_part(PartId id) {
   Loaded gone;
   {
     const std::lock_guard lock(mutex_);
-    if (!set_->has(id.value)) return;
-    auto next = std::make_shared<ResidentSet>(*set_);
-    std::swap(next->parts_[id.value], gone);
-    set_ = std::move(next);
+    if (!now_.has(id.value)) return;
+    exchange(now_.parts_[id.value], gone);
+    set_.reset();
   }
   drop(std::move(gone));
 }
@@ -349,7 +349,7 @@ void Resident::unload_prototype(std::uint32_t prototype) {
   Loaded gone;
   {
     const std::lock_guard lock(mutex_);
-    if (prototype < prototypes_.size()) std::swap(prototypes_[prototype], gone);
+    if (prototype < prototypes_.size()) exchange(prototypes_[prototype], gone);
   }
   drop(std::move(gone));
 }
@@ -362,19 +362,15 @@ bool Resident::has_prototype(std::uint32_t prototype) const {
 std::vector<Resident::Loaded> Resident::held() const {
   const std::lock_guard lock(mutex_);
   std::vector<Loaded> all;
-  for (const auto* list : {&prototypes_, &set_->parts_})
+  for (const auto* list : {&prototypes_, &now_.parts_})
     std::ranges::copy_if(*list, std::back_inserter(all), [](const Loaded& p) { return p != nullptr; });
   return all;
 }
 
 std::uint64_t Resident::bytes() const {
   if (!cache_) return device_->bytes();
-  std::uint64_t sum = 0;
   const std::lock_guard lock(mutex_);
-  for (const auto* list : {&prototypes_, &set_->parts_})
-    for (const Loaded& p : *list) sum += p ? p->bytes() : 0;
-  held_peak_ = std::max(held_peak_, sum);
-  return sum;
+  return held_;
 }
 
 double Resident::own_bytes() const { return cache_ ? cache_->share_of(held()) : static_cast<double>(bytes()); }
@@ -387,6 +383,7 @@ std::uint64_t Resident::peak_bytes() const {
 
 std::shared_ptr<const ResidentSet> Resident::snapshot() const {
   const std::lock_guard lock(mutex_);
+  if (!set_) set_ = std::make_shared<const ResidentSet>(now_);
   return set_;
 }
 

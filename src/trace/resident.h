@@ -114,6 +114,7 @@ class Resident {
   std::vector<Loaded> prototypes_of(const Part& part) const;
   void put_part(PartId id, Loaded loaded);
   void put_prototype(std::uint32_t prototype, Loaded loaded);
+  void exchange(Loaded& place, Loaded& with);  // with the mutex
   void drop(Loaded loaded);  // without the mutex: one that is neither in the set nor among the prototypes any more
   void set_scene(SceneFunctions scene);
   std::vector<Loaded> held() const;
@@ -122,8 +123,9 @@ class Resident {
   std::shared_ptr<Device> device_;
   mutable std::mutex mutex_;
   std::vector<Loaded> prototypes_;
-  std::shared_ptr<const ResidentSet> set_;
-  mutable std::uint64_t held_peak_ = 0;  // with a cache
+  ResidentSet now_;
+  mutable std::shared_ptr<const ResidentSet> set_;  // what now_ was when a snapshot was last taken; null when it has changed since
+  std::uint64_t held_ = 0, held_peak_ = 0;          // bytes of all that is loaded, with a cache
 };
 
 // Threads that trace or shade call this once: denormals are zero everywhere alike (Embree wants it, and all hosts

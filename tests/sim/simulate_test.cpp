@@ -42,7 +42,7 @@ SceneModel made_up(std::uint64_t seed, std::uint32_t parts = 13) {
     }
     m.samples.paths.push_back(path);
   }
-  m.costs = {3e-8, 4e-7, 3e-7, 1e-7, 5e-8, 4e-7, 3e-5, 4.5e-10};
+  m.costs = {3e-8, 4e-7, 3e-7, 1e-7, 5e-8, 4e-7, 3e-5, 4.5e-10, 6e-7};
   return m;
 }
 
