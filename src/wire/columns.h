@@ -43,7 +43,7 @@ class ColumnWriter {
 
 class ColumnReader {
  public:
-  explicit ColumnReader(std::span<const std::byte> in) : at_(in.data()) {}
+  explicit ColumnReader(std::span<const std::byte> in) : at_(in.data()), end_(in.data() + in.size()) {}
   template <class T>
   void get(T& v) {
     std::memcpy(&v, at_, sizeof v);
@@ -52,7 +52,10 @@ class ColumnReader {
   // Sign-extends.
   std::int64_t get_int(std::size_t bytes) {
     std::uint64_t v = 0;
-    std::memcpy(&v, at_, bytes);
+    if (end_ - at_ >= 8)
+      std::memcpy(&v, at_, 8);  // one instruction, where any other number is a call; what is not wanted is shifted out
+    else
+      std::memcpy(&v, at_, bytes);
     at_ += bytes;
     const auto shift = static_cast<int>(64 - 8 * bytes);
     return static_cast<std::int64_t>(v << shift) >> shift;
@@ -67,6 +70,7 @@ class ColumnReader {
 
  private:
   const std::byte* at_;
+  const std::byte* end_;
 };
 
 inline std::size_t words(std::size_t bits) { return (bits + 63) / 64; }
