@@ -69,6 +69,8 @@ class Scheduler {
 
   Result<std::uint64_t> submit(JobRequest request, double now);
   bool cancel(std::uint64_t job, double now);  // false: it has ended already
+  // What is wrong with this priority for this user, if anything.
+  std::optional<std::string> refuse_priority(int priority, const std::string& user) const;
   // Of a job that has not ended, as far as `user` may have it; else what is wrong with that.
   std::optional<std::string> set_priority(std::uint64_t job, int priority, const std::string& user);
   // Goes on with a job that was stopped by a budget; false: that is not so.
@@ -109,7 +111,6 @@ class Scheduler {
   };
   JobFrame& frame_at(FrameRef ref) { return jobs_.at(ref.job).frames.at(ref.frame); }
   const UserLimits& limits(const std::string& user) const;
-  std::optional<std::string> refuse_priority(int priority, const std::string& user) const;
   std::uint64_t largest_host() const;
   std::uint32_t slots_for(const JobFrame& frame) const;
   std::uint32_t slots_taken(const std::string* user = nullptr) const;

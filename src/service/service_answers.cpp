@@ -99,6 +99,7 @@ Json Service::submit(const Caller& caller, const Json& body) {
     if (!known.contains(file)) throw ApiError(422, "the scene has no file '" + file.substr(0, 200) + "'");
   const double now = unix_time();
   if (request.deadline && request.deadline->at(now) <= now) throw ApiError(422, "deadline must lie ahead; it is past");
+  if (const auto wrong = scheduler_.refuse_priority(request.priority, request.user)) throw ApiError(422, *wrong);
   const Result<std::uint64_t> id = scheduler_.submit(std::move(request), now);
   if (!id) throw ApiError(429, id.error());
   keep(now);  // what is answered is kept

@@ -102,6 +102,8 @@ class Service(service_support.ServiceTest):
             return {"sha256": name, "bytes": len(data)}
         status, scene = self.ask("ann", "POST", "/v1/scenes", {"files": [{"path": "a.pbrt", **upload("ann", escapes.read_bytes())}]})
         self.assertEqual(status, 201, scene)
+        status, job = self.ask("ann", "POST", "/v1/jobs", {"scene": scene["id"], "files": ["a.pbrt"], "priority": 1})
+        self.assertEqual((status, "a priority of 0 at most" in str(job)), (422, True), job)
         status, job = self.ask("ann", "POST", "/v1/jobs", {"scene": scene["id"], "files": ["a.pbrt"]})
         self.assertEqual(status, 201, job)
         self.assertRegex(self.wait_for_end("ann", job["id"], "failed")["reason"], r"^a.pbrt:2:\d+: error: .*outside of the scene's folder")
