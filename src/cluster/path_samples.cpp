@@ -53,7 +53,7 @@ class Sampler {
 
  private:
   std::vector<std::uint32_t> along(const Vec3& origin, const Vec3& direction, float t) {
-    const std::size_t n = std::min(map_.candidates(origin, direction, t, candidates_), candidates_.size());
+    const std::size_t n = map_.candidates(origin, direction, t, candidates_);
     std::vector<std::uint32_t> parts;
     for (std::size_t i = 0; i < n; ++i) parts.push_back(candidates_[i].part);
     return parts;

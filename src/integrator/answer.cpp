@@ -45,7 +45,7 @@ void PathTracer::nearest(std::span<const OcclusionRay> rays, std::span<AnsweredH
     Hit hit;
     hit.t = r.t_max;
     const TraceRay ray{r.origin, kInfinity, r.direction};
-    const std::size_t n = std::min(map_.candidates(r.origin, r.direction, r.t_max, list), list.size());
+    const std::size_t n = map_.candidates(r.origin, r.direction, r.t_max, list);
     for (std::size_t c = 0; c < n && list[c].t_enter <= hit.t; ++c)
       if (set->has(list[c].part)) set->intersect(list[c].part, ray, hit);
     if (hit.part != kNone && !describe(*set, hit, hits[i])) hits[i] = {};
@@ -57,7 +57,7 @@ void PathTracer::mark_tested(PathSegment& s, float t_max, const std::vector<bool
   std::array<Candidate, kWindow> small;
   std::vector<Candidate> large(skip == 0 ? 0 : skip + kWindow);
   const std::span<Candidate> list = skip == 0 ? std::span<Candidate>(small) : std::span<Candidate>(large);
-  const std::size_t n = std::min(map_.candidates(s.origin, s.direction, t_max, list), list.size());
+  const std::size_t n = map_.candidates(s.origin, s.direction, t_max, list);
   for (std::size_t i = skip; i < n; ++i)
     if (list[i].part < answered.size() && answered[list[i].part]) s.tested |= std::uint64_t{1} << (i - skip);
 }

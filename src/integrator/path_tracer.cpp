@@ -24,7 +24,7 @@ class CandidateList {
   void find(const PartMap& map, const PathSegment& s, float t_max) {
     const std::size_t skip = kWindow * s.window;
     if (skip == 0) {
-      count_ = std::min(map.candidates(s.origin, s.direction, t_max, small_), kWindow);
+      count_ = map.candidates(s.origin, s.direction, t_max, small_);
       first_ = small_.data();
       more_ = false;
       // A full window may have more behind it.
@@ -32,7 +32,7 @@ class CandidateList {
       return;
     }
     large_.resize(skip + kWindow);
-    const std::size_t n = std::min(map.candidates(s.origin, s.direction, t_max, large_), large_.size());
+    const std::size_t n = map.candidates(s.origin, s.direction, t_max, large_);
     first_ = large_.data() + skip;
     count_ = n > skip ? n - skip : 0;
     more_ = count_ == kWindow;
@@ -305,7 +305,7 @@ void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, 
   std::array<std::array<Candidate, kNear>, 8> lists;
   std::array<std::size_t, 8> counts{}, cursor{};
   for (std::size_t i = 0; i < 8; ++i) {
-    if (good >> i & 1u) counts[i] = std::min(map_.candidates(s[i].origin, s[i].direction, hits[i].t, lists[i]), kNear);
+    if (good >> i & 1u) counts[i] = map_.candidates(s[i].origin, s[i].direction, hits[i].t, lists[i]);
   }
   for (;;) {
     float nearest = kInfinity;

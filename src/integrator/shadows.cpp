@@ -31,7 +31,7 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
     const Shadows::Light& w = shadows.lights[i];
     const OcclusionRay& ray = rays[i];
     if (!complete) {
-      const std::size_t n = std::min(map_.candidates(ray.origin, ray.direction, ray.t_max, candidates), candidates.size());
+      const std::size_t n = map_.candidates(ray.origin, ray.direction, ray.t_max, candidates);
       const auto first = static_cast<std::uint32_t>(out.ask_parts.size());
       for (std::size_t c = 0; c < n; ++c)
         if (!set.has(candidates[c].part)) out.ask_parts.push_back(candidates[c].part);

@@ -17,8 +17,7 @@ struct Candidate {
 // Eight numbers that are computed together, on any processor (a vector type of GCC and Clang).
 using PartMapLanes = float __attribute__((vector_size(32)));
 
-// The boxes of all parts but part 0 (which everyone holds), with a small BVH over them. Immutable;
-// any thread.
+// The boxes of all parts but part 0 (which everyone holds), with a small BVH over them. Immutable; any thread.
 class PartMap {
  public:
   explicit PartMap(std::span<const PartInfo> parts);
@@ -26,32 +25,27 @@ class PartMap {
 
   // The parts whose boxes the ray enters within [0, t_max], in the order (t_enter, part): a pure
   // function of the ray and the map, the same list for every t_max up to the cut (entries with
-  // t_enter > t_max are left out). Returns how many there are; at most out.size() nearest are
-  // written. Conservative against rounding.
+  // t_enter > t_max are left out). Returns how many are written: all, or the out.size() nearest.
+  // Conservative against rounding.
   std::size_t candidates(const Vec3& origin, const Vec3& direction, float t_max,
                          std::span<Candidate> out) const;
 
  private:
   static constexpr std::uint32_t kLanes = 8;
-  // Eight boxes, tested together: the children of an inner node, or boxes of one part. Unused lanes
-  // are empty.
+  // Eight boxes, tested together: of parts (leaves), or of other nodes. Unused lanes are empty.
   struct Node {
-    PartMapLanes min[3], max[3];
-    std::uint32_t child[kLanes];  // inner nodes: a node, or kPartBit | index into parts_
-  };
-  struct PartBoxes {
-    std::uint32_t part = 0;
-    std::uint32_t first = 0, count = 0;  // nodes that hold the part's boxes
+    PartMapLanes bounds[2][3];  // the smallest coordinates, the largest ones
+    std::uint32_t child[kLanes];  // a part, or a node
   };
   struct Entry {
     Bounds3 bounds;
     std::uint32_t child = 0;
   };
   std::uint32_t add_node(std::span<const Entry> entries);
-  std::uint32_t build(std::span<Entry> entries);
+  std::vector<Entry> group(std::span<Entry> entries);
 
-  std::vector<Node> nodes_;
-  std::vector<PartBoxes> parts_;
+  std::vector<Node> nodes_;  // leaves first
+  std::size_t leaves_ = 0;
   std::uint32_t root_ = kNone;
   std::size_t part_count_ = 0;
 };
