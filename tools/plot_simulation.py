@@ -19,6 +19,8 @@ COLOURS = ("#c23b22", "#1f5fa8", "#2e8b57", "#b8860b", "#6a3d9a", "#555555")
 
 def plain(axis):
     for side in (axis.xaxis, axis.yaxis):
+        if side.get_scale() == "log":
+            side.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         side.set_major_formatter(ticker.FormatStrFormatter("%g"))
         side.set_minor_formatter(ticker.NullFormatter())
     axis.grid(alpha=.3)
