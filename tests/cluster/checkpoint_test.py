@@ -50,28 +50,30 @@ class Checkpoints(support.ClusterTest):
             time.sleep(0.02)
 
     def test_killed_again_and_again(self):
+        spp = 2 * SPP  # so that no run ends before it is killed
+        job = ("--spp", spp, "--resolution", SIZE)
         for attempt, hosts in enumerate((2, 1, 2)):
             before = self.ckpt.stat().st_size if attempt else 0
             run = self.start(f"run{attempt}", *self.command("--hosts", hosts, "--checkpoint", self.ckpt,
-                                                            *(["--resume"] if attempt else []), threads=1))
+                                                            *(["--resume"] if attempt else []), threads=1, job=job))
             self.wait_for_bytes(before + 1000, run)
             time.sleep(self.dice.uniform(0, 0.4))
             self.assertTrue(run.running(), f"it had ended before the kill:\n{run.text()}")
             run.kill()
             run.wait(10)
             self.assert_none_left()
-        report = self.expect(0, *self.command("--hosts", 2, "--checkpoint", self.ckpt, "--resume"), report=True).report
+        report = self.expect(0, *self.command("--hosts", 2, "--checkpoint", self.ckpt, "--resume", job=job), report=True).report
         self.assertGreater(report["paths_restored"], 0)
         self.assertLess(report["paths_restored"], report["paths"])
-        self.assertEqual(report["spp_done"], SPP)
-        self.assert_picture()
-        self.assertLess(self.ckpt.stat().st_size, 3_000_000, "the journal of 14 rounds was never compacted")
+        self.assertEqual(report["spp_done"], spp)
+        self.assert_picture(spp)
+        self.assertLess(self.ckpt.stat().st_size, 3_000_000, "the journal of 28 rounds was never compacted")
         # Of a finished one nothing is left to do.
         self.out.unlink()
-        report = self.expect(0, *self.command("--checkpoint", self.ckpt, "--resume"), report=True).report
+        report = self.expect(0, *self.command("--checkpoint", self.ckpt, "--resume", job=job), report=True).report
         self.assertEqual(report["paths_restored"], report["paths"])
         self.assertEqual(report["hosts"], [])
-        self.assert_picture()
+        self.assert_picture(spp)
 
     def test_cut_off_anywhere(self):
         spp = 48
