@@ -47,9 +47,9 @@ class PathTracer final : public PathEngine {
 
   const JobSettings& job() const { return job_; }
   bool needs_footprint() const { return footprint_; }
-  // Textures and light tables: counted in a host's memory besides the resident parts.
-  // Why there are none although the job asks for them, which only the geometry tells; empty: there are.
+  // Why there are no paths from lights although the job asks for them, which only the geometry tells; empty: there are.
   std::string_view no_light_paths() const { return job_.light_paths == LightPaths::none ? std::string_view() : no_light_paths_; }
+  // Textures and light tables: counted in a host's memory besides the resident parts.
   std::uint64_t shading_bytes() const { return shading_->bytes() + lights_->bytes(); }
   const EngineTime& time() const { return time_; }
   // For measurements, with one thread: all shadow rays from now on are appended to `to` as they are traced.

@@ -216,7 +216,7 @@ struct PathTracer::Shader {
   SurfacePoint surface(const AnsweredSurface& s, const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
   Footprint footprint(const SurfacePoint& p, float t) const;
   void vertex(const Hit& hit);
-  // The path under work at a surface that scatters, t along its ray.
+  // The path under work at a surface that scatters, which it has hit.
   void scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Hit& hit);
   // Takes the path under work through the media before its surface at t, or infinity. False: it stays in them, and has
   // been taken on or ended there.

@@ -20,6 +20,13 @@ constexpr double kMost = 0.9;  // of these
 
 std::string quoted(const std::string& text) { return text.empty() ? "unknown" : '"' + text + '"'; }
 
+void count_part(auto& holders, PartId p, int sign) {
+  std::uint32_t& n = holders.of[p.value];
+  if (sign > 0 && n == 0) --holders.unheld;
+  n += static_cast<std::uint32_t>(sign);
+  if (n == 0) ++holders.unheld;
+}
+
 }  // namespace
 
 bool ManagerCore::can(const wire::Hello& hello, wire::Category category) {
@@ -152,23 +159,15 @@ void ManagerCore::count_holds(const Host& h, int sign) {
   if (!h.started) return;
   const auto count = [&](Holders& holders) {
     holders.tracers += static_cast<std::uint32_t>(h.traces() ? sign : 0);
-    for (const PartId p : h.holds) {
-      std::uint32_t& n = holders.of[p.value];
-      if (sign > 0 && n == 0) --holders.unheld;
-      n += static_cast<std::uint32_t>(sign);
-      if (n == 0) ++holders.unheld;
-    }
+    for (const PartId p : h.holds) count_part(holders, p, sign);
   };
   if (!h.leaving || h.released == 0) count(h.team->there);
   if (!h.leaving) count(h.team->staying);
 }
 
 void ManagerCore::count_hold(const Host& h, PartId p) {
-  const auto count = [&](Holders& holders) {
-    if (holders.of[p.value]++ == 0) --holders.unheld;
-  };
-  if (!h.leaving || h.released == 0) count(h.team->there);
-  if (!h.leaving) count(h.team->staying);
+  if (!h.leaving || h.released == 0) count_part(h.team->there, p, 1);
+  if (!h.leaving) count_part(h.team->staying, p, 1);
 }
 
 void ManagerCore::receive(HostId from, wire::Message message, double now) {
