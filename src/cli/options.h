@@ -80,6 +80,7 @@ struct SubmitOptions {
   ServiceAddress service;
   std::vector<std::string> scenes;
   JobRequest request;  // user, scene and files apart
+  double check_s = 60;  // to wait at most until it is known whether the job can fit
   bool wait = false, quiet = false;
 };
 struct StatusOptions {

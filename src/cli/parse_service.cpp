@@ -13,7 +13,7 @@ struct ServiceCommands::Given {
   CLI::App *submit = nullptr, *status = nullptr, *fetch = nullptr, *cancel = nullptr, *change = nullptr, *remove = nullptr, *resume = nullptr, *logs = nullptr;
   std::string url, token_file, authority;
   std::vector<std::string> scenes;
-  std::string name, priority, retries, timeout, budget, on_budget, deadline, job, frame, output;
+  std::string name, priority, retries, timeout, budget, on_budget, deadline, check, job, frame, output;
   std::string spp, max_depth, seed, max_error, resolution, crop, integrator, light_paths, dialect, part_size;
   bool wait = false, quiet = false, hosts = false, preview = false;
   // manager --serve
@@ -62,6 +62,7 @@ ServiceCommands::ServiceCommands(CLI::App& app) : given_(std::make_unique<Given>
       ->check(CLI::IsMember({"off", "caustics", "all"}));
   g.submit->add_option("--dialect", g.dialect, "read the scene as pbrt v2, v3 or v4, whatever it looks like");
   g.submit->add_option("--part-size", g.part_size, "memory of a loaded part at most (default 64MiB)");
+  g.submit->add_option("--check", g.check, "seconds to wait at most until it is known whether the job can fit the hosts (default 60)");
   g.submit->add_flag("--wait", g.wait, "until the job has ended; exit code 0 when all is well");
   g.submit->add_flag("--quiet", g.quiet, "say nothing but the number of the job");
   g.status = app.add_subcommand("status", "how far your jobs are");
@@ -154,6 +155,7 @@ std::optional<Command> ServiceCommands::read() const {
     SubmitOptions o;
     o.service = g.address();
     o.scenes = g.scenes;
+    if (!g.check.empty()) o.check_s = at_least<double>("--check", g.check, 0);
     o.wait = g.wait;
     o.quiet = g.quiet;
     JobRequest& r = o.request;

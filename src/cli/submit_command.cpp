@@ -69,6 +69,41 @@ std::string upload_scene(ServiceClient& client, const SceneManifest& manifest, c
   }
 }
 
+// Says how a job has ended badly, and gives the exit code for it.
+int complain(const Json& job) {
+  const std::string state = job.at("state"), reason = job.at("reason");
+  fmt::print(stderr, "{}: {}\n", state, reason);
+  return state != "failed" ? kInterrupted : reason.find("error: ") != std::string::npos ? kBadScene : kNoCluster;
+}
+
+int wait_for_end(ServiceClient& client, std::uint64_t id) {
+  for (;;) {
+    const Json job = client.get(fmt::format("/v1/jobs/{}", id));
+    const std::string state = job.at("state");
+    if (state == "done") return kDone;
+    if (state == "failed" || state == "cancelled" || state == "paused") return complain(job);
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  }
+}
+
+// Until the service knows whether the job can fit. That takes it a split of the first frame, after those of other jobs.
+int wait_for_check(ServiceClient& client, std::uint64_t id, const SubmitOptions& o) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  for (;;) {
+    const double left = o.check_s - std::chrono::duration<double>(Clock::now() - start).count();
+    if (left <= 0) break;
+    const Json job = client.get(fmt::format("/v1/jobs/{}?check_s={:.3f}", id, std::min(left, 2.0)));
+    const std::string state = job.at("state");
+    if (state == "failed" || state == "cancelled") return complain(job);
+    if (state != "checking") return kDone;
+    // Where many wait for it, the service answers at once.
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  if (!o.quiet && o.check_s > 0) fmt::print(stderr, "it is not known yet whether the job can fit; `status {}` will say\n", id);
+  return kDone;
+}
+
 }  // namespace
 
 int run_submit(const SubmitOptions& o) {
@@ -92,18 +127,7 @@ int run_submit(const SubmitOptions& o) {
   const std::uint64_t id = job.at("id");
   fmt::print("{}\n", id);
   std::fflush(stdout);
-  if (!o.wait) return kDone;
-  for (;;) {
-    const Json now = client.get("/v1/jobs/" + std::to_string(id));
-    const std::string state = now.at("state"), reason = now.at("reason");
-    if (state == "done") return kDone;
-    if (state == "paused") fmt::print(stderr, "paused: {}\n", reason);
-    if (state == "failed" || state == "cancelled" || state == "paused") {
-      if (state != "paused") fmt::print(stderr, "{}: {}\n", state, reason);
-      return state != "failed" ? kInterrupted : reason.find("error: ") != std::string::npos ? kBadScene : kNoCluster;
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
-  }
+  return o.wait ? wait_for_end(client, id) : wait_for_check(client, id, o);
 }
 
 }  // namespace cloudrenderer

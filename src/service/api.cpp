@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <semaphore>
 #include <thread>
 
 #include "base/log.h"
@@ -28,6 +29,8 @@ constexpr std::size_t kThreads = 32, kLongestPath = 1024;
 constexpr std::size_t kLargestBody = std::size_t{32} << 20;  // of JSON: a manifest of 100,000 files
 constexpr std::size_t kDrained = 1'000'000;  // of a body that nobody wants
 constexpr std::time_t kPatience = 30;
+constexpr double kLongestCheck = 5;  // seconds that an answer may wait, and
+constexpr int kMostChecks = 8;        // how many answers at once: others must find a thread
 
 // One request on its way to its answer.
 struct Call {
@@ -92,6 +95,42 @@ void send_png(const Call& call) {
   send_file(call, png, "image/png");
 }
 
+// ?check_s=, how long the answer may wait until it is known whether the job can fit.
+double check_seconds(const Call& call) {
+  if (!call.request.has_param("check_s")) return 0;
+  const std::string given = call.request.get_param_value("check_s");
+  double seconds = 0;
+  const auto [end, error] = std::from_chars(given.data(), given.data() + given.size(), seconds);
+  if (error != std::errc{} || end != given.data() + given.size() || !(seconds >= 0 && seconds <= kLongestCheck))
+    throw ApiError(400, fmt::format("check_s must be a number from 0 to {:g}, got '{}'", kLongestCheck, given.substr(0, 20)));
+  return seconds;
+}
+
+Json checked(const Call& call, Json job, double seconds) {
+  static std::counting_semaphore<kMostChecks> places(kMostChecks);
+  if (seconds == 0 || !places.try_acquire()) return job;
+  const std::unique_ptr<decltype(places), void (*)(decltype(places)*)> place(&places, [](decltype(places)* p) { p->release(); });
+  using Clock = std::chrono::steady_clock;
+  try {
+    for (const auto until = Clock::now() + std::chrono::duration<double>(seconds); job.at("state") == "checking" && Clock::now() < until;) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      job = call.service.job(call.caller, job.at("id"));
+    }
+  } catch (const ApiError&) {  // somebody has removed it
+  }
+  return job;
+}
+
+void send_job(const Call& call) {
+  const double seconds = check_seconds(call);
+  answer(call, checked(call, call.service.job(call.caller, number_of(call.names[0])), seconds));
+}
+
+void submit_job(const Call& call) {
+  const double seconds = check_seconds(call);
+  answer(call, checked(call, call.service.submit(call.caller, body_of(call)), seconds), 201);
+}
+
 Look look_of(const Call& call) { return {call.caller, call.token, number_of(call.names[0]), number_of(call.names[1]), call.response}; }
 
 void send_frame(const Call& call) {
@@ -116,8 +155,8 @@ const std::vector<Route>& table() {
       {"POST", "/v1/scenes", [](const Call& c) { answer(c, c.service.add_scene(c.caller, body_of(c)), 201); }},
       {"GET", "/v1/scenes/{scene}", [](const Call& c) { answer(c, c.service.scene(c.caller, c.names[0])); }},
       {"GET", "/v1/jobs", [](const Call& c) { answer(c, c.service.jobs(c.caller)); }},
-      {"POST", "/v1/jobs", [](const Call& c) { answer(c, c.service.submit(c.caller, body_of(c)), 201); }},
-      {"GET", "/v1/jobs/{job}", [](const Call& c) { answer(c, c.service.job(c.caller, number_of(c.names[0]))); }},
+      {"POST", "/v1/jobs", submit_job},
+      {"GET", "/v1/jobs/{job}", send_job},
       {"PATCH", "/v1/jobs/{job}", [](const Call& c) { answer(c, c.service.change(c.caller, number_of(c.names[0]), body_of(c))); }},
       {"DELETE", "/v1/jobs/{job}", [](const Call& c) { optional_body(c); answer(c, c.service.remove(c.caller, number_of(c.names[0]))); }},
       {"POST", "/v1/jobs/{job}/cancel", [](const Call& c) { optional_body(c); answer(c, c.service.cancel(c.caller, number_of(c.names[0]))); }},

@@ -14,6 +14,9 @@ constexpr std::uint32_t kTasksPerHost = 8;                      // at least, by 
 // turns, between which there is a pause for each host.
 constexpr std::size_t kFew = 64;
 constexpr double kTurnPause = 2e-5;
+// The least work in a task, in seconds for each host: a reply costs the manager about half as much, however few its
+// samples are.
+constexpr double kTaskPause = 5e-5;
 constexpr std::uint32_t kMostTasksPerHost = 32;  // of many hosts: more replies than needed are work for the manager
 
 }  // namespace
@@ -156,7 +159,8 @@ std::uint64_t ManagerCore::task_paths(const Host& h, double share) const {
     paths = std::min(paths,
                      static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
   const double rest = share * static_cast<double>(unassigned_paths_);
-  return std::min(paths, std::max(options_.smallest_task, static_cast<std::uint64_t>(rest / 4)));
+  const double least = h.paths_per_s * kTaskPause * static_cast<double>(hosts_.size());
+  return std::min(paths, std::max(options_.smallest_task, static_cast<std::uint64_t>(std::max(rest / 4, least))));
 }
 
 void ManagerCore::hand_out(double now, HostId only) {

@@ -73,7 +73,7 @@ class ServiceTest(support.ClusterTest):
         return result.output
 
     def submit(self, user, *arguments):
-        return int(self.command(user, "submit", "--quiet", *arguments).split()[-1])
+        return int(self.command(user, "submit", "--quiet", "--check", 0, *arguments).split()[-1])
 
     def state(self, user, job):
         return self.ask(user, "GET", f"/v1/jobs/{job}")[1]

@@ -111,8 +111,14 @@ class Service(service_support.ServiceTest):
         vertices = " ".join(f"{i % 1000} {i // 1000} {i % 7}" for i in range(300_000))
         indices = " ".join(f"{i} {i + 1} {i + 1000}" for i in range(298_000))
         huge = self.write("huge.pbrt", head + f'Shape "trianglemesh" "point P" [{vertices}] "integer indices" [{indices}]\nWorldEnd\n')
-        reason = self.wait_for_end("ann", self.submit("ann", huge, "--part-size", "1GiB"), "failed")["reason"]
-        self.assertRegex(reason, r"it cannot fit: the main scene takes .* MiB, its largest part .* MiB .* the largest of 1 hosts has 32 MiB")
+        cannot_fit = r"it cannot fit: the main scene takes .* MiB, its largest part .* MiB .* the largest of 1 hosts has 32 MiB"
+        self.assertRegex(self.command("ann", "submit", huge, "--part-size", "1GiB", code=4), rf"(?m)^\d+\nfailed: {cannot_fit}")
+        huge_job = self.state("ann", max(job["id"] for job in self.ask("ann", "GET", "/v1/jobs")[1]))
+        request = {"scene": huge_job["scene"], "files": [huge_job["frames"][0]["file"]], "options": {"part_size": 1 << 30}}
+        status, job = self.ask("ann", "POST", "/v1/jobs?check_s=5", request)
+        self.assertEqual((status, job["state"]), (201, "failed"), job)
+        self.assertRegex(job["reason"], cannot_fit)
+        self.assertEqual(self.ask("ann", "POST", "/v1/jobs?check_s=6", request)[0], 400)
         # Ended by its user, in the middle.
         job = self.submit("ann", support.SCENE, "--spp", 100000, *SPLIT)
         self.wait_for(lambda: self.state("ann", job)["frames"][0]["state"] == "running", "it does not run")
