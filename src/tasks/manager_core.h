@@ -239,6 +239,7 @@ class ManagerCore {
   struct Outstanding {
     RendererRange range;
     HostId host;
+    Host* at;  // in hosts_
     std::uint32_t twin = 0;  // the other copy of the same range, under another number
   };
 

@@ -14,9 +14,6 @@ constexpr std::uint32_t kTasksPerHost = 8;                      // at least, by 
 // turns, between which there is a pause for each host.
 constexpr std::size_t kFew = 64;
 constexpr double kTurnPause = 2e-5;
-// The least work in a task, in seconds for each host: a reply costs the manager about half as much, however few its
-// samples are.
-constexpr double kTaskPause = 5e-5;
 constexpr std::uint32_t kMostTasksPerHost = 32;  // of many hosts: more replies than needed are work for the manager
 
 }  // namespace
@@ -159,8 +156,7 @@ std::uint64_t ManagerCore::task_paths(const Host& h, double share) const {
     paths = std::min(paths,
                      static_cast<std::uint64_t>(std::ceil(h.paths_per_s * options_.task_seconds)));
   const double rest = share * static_cast<double>(unassigned_paths_);
-  const double least = h.paths_per_s * kTaskPause * static_cast<double>(hosts_.size());
-  return std::min(paths, std::max(options_.smallest_task, static_cast<std::uint64_t>(std::max(rest / 4, least))));
+  return std::min(paths, std::max(options_.smallest_task, static_cast<std::uint64_t>(rest / 4)));
 }
 
 void ManagerCore::hand_out(double now, HostId only) {
@@ -177,24 +173,26 @@ void ManagerCore::hand_out(double now, HostId only) {
   }
   next_turn_ = now + kTurnPause * static_cast<double>(hosts_.size());
   for (Team& t : teams_) t.able = everything_held(t, true);
+  std::vector<std::pair<HostId, Host*>> turn;
+  for (auto& [id, h] : hosts_)
+    if (renders(h)) turn.emplace_back(id, &h);
   double known = 0, threads = 0;
-  for (const auto& [id, h] : hosts_) {
-    if (!renders(h) || h.paths_per_s <= 0) continue;
-    known += h.paths_per_s;
-    threads += h.threads();
+  for (const auto& [id, h] : turn) {
+    if (h->paths_per_s <= 0) continue;
+    known += h->paths_per_s;
+    threads += h->threads();
   }
   per_thread_ = known > 0 ? known / threads : 1;
   total_speed_ = 0;
-  for (const auto& [id, h] : hosts_)
-    if (renders(h)) total_speed_ += speed(h, per_thread_);
-  for (bool more = total_speed_ > 0; more;) {  // one each in turn
-    more = false;
-    for (auto& [id, h] : hosts_) {
-      if (!renders(h)) continue;
-      const Turn turn = give_one(id, h, now);
-      if (turn == Turn::nothing_left) return give_again(now);
-      more = more || turn == Turn::given;
+  for (const auto& [id, h] : turn) total_speed_ += speed(*h, per_thread_);
+  while (!turn.empty()) {  // one each, until they have enough
+    std::size_t more = 0;
+    for (const auto& [id, h] : turn) {
+      const Turn given = give_one(id, *h, now);
+      if (given == Turn::nothing_left) return give_again(now);
+      if (given == Turn::given) turn[more++] = {id, h};
     }
+    turn.resize(more);
   }
 }
 
@@ -234,7 +232,7 @@ void ManagerCore::give_again(double now) {
   };
   std::vector<std::pair<double, std::uint32_t>> waiting;  // for tasks of which there is no copy yet
   for (const auto& [task, o] : outstanding_)
-    if (o.twin == 0) waiting.emplace_back(wait(hosts_.at(o.host)), task);
+    if (o.twin == 0) waiting.emplace_back(wait(*o.at), task);
   std::ranges::sort(waiting);  // the longest last, and of one host's tasks its last
   for (const HostId id : idle) {
     if (waiting.empty()) return;
@@ -287,7 +285,7 @@ std::uint32_t ManagerCore::give(HostId id, Host& h, RendererRange range, double 
     if (h.rate_paths == 0) h.rate_since = now;
   }
   range.task = next_task_++;
-  outstanding_[range.task] = {range, id};
+  outstanding_.emplace_hint(outstanding_.end(), range.task, Outstanding{range, id, &h});
   ++h.outstanding_tasks;
   h.outstanding_paths += range.paths();
   send(id, wire::SubmitTask{{options_.incarnation, next_number_++}, h.team->epoch, h.team->generation, range});
@@ -295,7 +293,7 @@ std::uint32_t ManagerCore::give(HostId id, Host& h, RendererRange range, double 
 }
 
 void ManagerCore::take_back(std::map<std::uint32_t, Outstanding>::iterator o) {
-  Host& h = hosts_.at(o->second.host);
+  Host& h = *o->second.at;
   --h.outstanding_tasks;
   h.outstanding_paths -= o->second.range.paths();
   outstanding_.erase(o);
@@ -313,7 +311,8 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   }
   merge(it->second, *r);
   const std::uint64_t paths = range.paths();
-  if (const auto twin = outstanding_.find(it->second.twin); twin != outstanding_.end()) {
+  const auto twin = it->second.twin != 0 ? outstanding_.find(it->second.twin) : outstanding_.end();
+  if (twin != outstanding_.end()) {
     wire::CancelTask cancel;
     cancel.set_task(twin->first);
     cancel.set_paths(paths);
