@@ -52,6 +52,7 @@ Json to_json(const sim::Prediction& p) {
           {"manager",  // measured on this machine: not the same at every run
            {{"cpu_s", p.manager.cpu_s},
             {"cpu_share", p.manager.cpu_share},
+            {"cpu_share_of", p.manager.share_of},
             {"peak_share", p.manager.peak_share},
             {"bytes_sent", p.manager.sent},
             {"bytes_received", p.manager.received},

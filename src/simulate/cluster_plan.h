@@ -1,6 +1,7 @@
 #pragma once
 // Which cluster is simulated, and what comes of it.
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,7 @@ struct ClusterPlan {
 struct ManagerLoad {
   double cpu_s = 0;       // measured while it was simulated, with what its sockets would take
   double cpu_share = 0;   // of a core while rendering
+  std::map<std::string, double> share_of;  // of it: film, tasks, heartbeats, loading, maps, acknowledgements
   double peak_share = 0;  // in the busiest second
   double sent = 0, received = 0;  // bytes
   double out_share = 0;   // of its line, while rendering

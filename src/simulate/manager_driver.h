@@ -1,6 +1,7 @@
 #pragma once
 // The manager of a simulated cluster: the real core behind the real codec and links, with a meter of the processor time
 // that they take on this machine.
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -35,7 +36,12 @@ class ManagerDriver {
   ManagerLoad load(double began, double ended) const;
 
  private:
-  void measure(double now, double seconds);
+  enum class Work : std::uint8_t { film, tasks, heartbeats, loading, maps, acknowledgements };
+  static constexpr std::array kWork{"film", "tasks", "heartbeats", "loading", "maps", "acknowledgements"};
+
+  static Work work_of(const wire::Message& message);
+  void measure(double now, Work work, double seconds);
+  void finish(double now, Work work, double start);  // measures what was done since, and transmits what came of it
   void drain(double now);
   void send_all(HostId to, Link& link, double now);
 
@@ -43,9 +49,13 @@ class ManagerDriver {
   Transmit transmit_;
   std::map<HostId, Link> links_;
   std::vector<HostId> gone_;
-  double reply_s_ = 0;             // decoding and merging a reply of real size
+  double decode_s_ = 0, merge_s_ = 0;  // of a reply of real size; of a pixel of it
+  double clock_s_ = 0;                 // a look at the clock
+  std::uint64_t real_pixels_ = 0;
   std::uint64_t reply_bytes_ = 0;
-  std::vector<double> cpu_;        // by second
+  std::array<std::vector<double>, kWork.size()> cpu_;  // by second
+  std::vector<std::pair<HostId, Link::Frame>> outgoing_;  // to transmit: that is the simulation's work, not the manager's
+  double unmeasured_ = 0;                                // what takes the place of a socket, for these
   std::vector<double> sent_;       // likewise, bytes
   std::uint64_t received_ = 0, messages_ = 0;
 };

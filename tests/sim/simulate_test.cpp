@@ -132,6 +132,11 @@ TEST(Simulate, ManyHostsShareTheWorkAndTheManagerKeepsUp) {
   expect_done(many, m);
   EXPECT_LT(many.render_s, 0.25 * few.render_s);
   EXPECT_GT(many.manager.messages, 200u);
+  double sum = 0;
+  for (const auto& [work, share] : many.manager.share_of) sum += share;
+  EXPECT_GT(many.manager.share_of.at("film"), 0);
+  EXPECT_GT(many.manager.share_of.at("tasks"), 0);
+  EXPECT_NEAR(sum, many.manager.cpu_share, 1e-9);
 }
 
 TEST(Simulate, SaysWhyThereIsNoRoom) {
