@@ -29,7 +29,8 @@ with window_page.opened(url, token, 1400, refused) as page:
     page.locator("#log button").click()
     page.screenshot(path=f"{folder}/service.png")
     page.locator("#priority").fill("-3")
-    page.locator("#priority").press("Enter")
+    with page.expect_response(lambda answer: answer.request.method == "PATCH"):  # the log is not asked before
+        page.locator("#priority").press("Enter")
     page.locator("#logs").click()
     expect(page.locator("#logtext")).to_contain_text("its priority is -3 now")
     page.locator("#log button").click()
