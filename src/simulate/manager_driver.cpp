@@ -93,7 +93,8 @@ void ManagerDriver::measure(double now, Work work, double seconds) {
 
 void ManagerDriver::finish(double now, Work work, double start) {
   measure(now, work, std::max(0.0, thread_cpu_seconds() - start - clock_s_) + std::exchange(unmeasured_, 0));
-  for (const auto& [to, frame] : std::exchange(outgoing_, {})) transmit_(to, frame);
+  for (const auto& [to, frame] : outgoing_) transmit_(to, frame);
+  outgoing_.clear();
 }
 
 std::uint64_t ManagerDriver::frame_bytes(const Link::Frame& frame, bool renderer_reply) const {
