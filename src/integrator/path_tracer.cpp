@@ -378,8 +378,7 @@ void PathTracer::trace(SegmentBatch& batch) const {
 void PathTracer::route(SegmentBatch& batch) const { trace(batch); }
 
 void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
-                              std::span<std::uint8_t> blocked) const {
-  for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = 0;
+                              std::span<std::uint8_t> found) const {
   CandidateList list;
   ShadowStretches stretches(*this, set);
   for (std::size_t first = 0; first < rays.size(); first += 8) {
@@ -401,12 +400,15 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
       packet.times = own.data();
     }
     std::uint32_t open = ((1u << n) - 1u) & lanes::to_bits(traceable(packet.origin, packet.direction) && packet.t_max > 0.f);
-    std::uint32_t hit = 0;
+    std::uint32_t hit = 0, missing = 0xff;
     // Where shadow rays pass surfaces of the main scene, their way through it is known when they are made.
     if (open && main_geometry_ && !null_surfaces_) hit |= set.occluded8(0, packet, open);
     open &= ~hit;
     if (one_part_ && !grids_) {
-      if (open && set.has(1)) hit |= set.occluded8(1, packet, open);
+      if (open && set.has(1)) {
+        hit |= set.occluded8(1, packet, open);
+        missing &= ~open;
+      }
     } else {
       for (std::uint32_t left = open; left; left &= left - 1) {
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
@@ -424,18 +426,23 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
         PathSegment probe;
         probe.origin = r.origin;
         probe.direction = r.direction;
-        bool found = false;
+        bool blocked = false, all_here = true;
         for (;;) {
           list.find(map_, probe, r.t_max);
-          for (std::size_t c = 0; c < list.size() && !found; ++c)
-            if (list[c].t_enter <= r.t_max && set.has(list[c].part)) found = set.occluded(list[c].part, ray);
-          if (found || !list.more()) break;
+          for (std::size_t c = 0; c < list.size() && !blocked; ++c) {
+            const bool here = set.has(list[c].part);
+            all_here = all_here && here;
+            if (here && list[c].t_enter <= r.t_max) blocked = set.occluded(list[c].part, ray);
+          }
+          if (blocked || !list.more()) break;
           ++probe.window;
         }
-        if (found) hit |= 1u << i;
+        if (blocked) hit |= 1u << i;
+        if (all_here) missing &= ~(1u << i);
       }
     }
-    for (std::size_t i = 0; i < n; ++i) blocked[first + i] = hit >> i & 1u;
+    for (std::size_t i = 0; i < n; ++i)
+      found[first + i] = static_cast<std::uint8_t>((hit >> i & 1u ? kBlocked : 0) | (missing >> i & 1u ? kPartsMissing : 0));
   }
 }
 
@@ -445,6 +452,7 @@ std::vector<bool> PathTracer::occluded(std::span<const OcclusionRay> rays, std::
   const auto set = resident_.snapshot();
   // Rays without times, which only a host of another making sends, count as of time 0.
   find_blocked(*set, rays, times.size() == rays.size() ? times : std::span<const float>(), blocked);
+  for (std::uint8_t& b : blocked) b &= kBlocked;
   std::vector<bool> tested(map_.part_count());
   for (std::uint32_t p = 0; p < tested.size(); ++p) tested[p] = set->has(p);
   return tested;

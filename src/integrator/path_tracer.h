@@ -74,8 +74,10 @@ class PathTracer final : public PathEngine {
   BrickRay brick_ray(const PathSegment& s, const SampleSequence& sequence) const;
   PartId trace_one(const ResidentSet& set, PathSegment& s, Hit& hit) const;
   void trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, PartId* next) const;
+  // Of a shadow ray: something resident blocks it; parts that are not resident may lie on its way.
+  static constexpr std::uint8_t kBlocked = 1, kPartsMissing = 2;
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
-                    std::span<std::uint8_t> blocked) const;
+                    std::span<std::uint8_t> found) const;
   float time_of(std::uint32_t pixel, std::uint32_t sample) const;
   // PathSegment::light_ratio() of a path from the camera that arrives at a vertex, by its hit there.
   float light_ratio(const PathSegment& s, const Hit& hit) const;

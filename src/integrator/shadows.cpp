@@ -9,16 +9,13 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
   const std::span<const OcclusionRay> rays = shadows.rays;
   if (rays.empty()) return;
   if (recorded_) recorded_->insert(recorded_->end(), rays.begin(), rays.end());
-  std::vector<std::uint8_t> blocked(rays.size());
+  std::vector<std::uint8_t> found(rays.size());
   {
     const BatchTimer timer(time_.occlusion);
-    find_blocked(set, rays, shadows.times, blocked);
+    find_blocked(set, rays, shadows.times, found);
   }
   std::vector<std::uint32_t> leaving;  // shadows that others must answer
   std::vector<Candidate> candidates(map_.part_count());
-  // Whoever holds everything need not look for parts of others.
-  bool complete = true;
-  for (std::uint32_t part = 1; complete && part < map_.part_count(); ++part) complete = set.has(part);
   const auto radiance_of = [&](const Shadows::Light& w) -> Fixed3& {
     if (!w.path_ended) return out.continuing[w.path].radiance;
     PathEnd& e = out.ended[w.path];
@@ -27,10 +24,10 @@ void PathTracer::resolve_shadows(const ResidentSet& set, const Shadows& shadows,
   constexpr std::size_t kAhead = 16;  // paths to be fetched into the cache ahead of use
   for (std::size_t i = 0; i < rays.size(); ++i) {
     if (i + kAhead < rays.size()) __builtin_prefetch(&radiance_of(shadows.lights[i + kAhead]), 1);
-    if (blocked[i]) continue;
+    if (found[i] & kBlocked) continue;
     const Shadows::Light& w = shadows.lights[i];
     const OcclusionRay& ray = rays[i];
-    if (!complete) {
+    if (found[i] & kPartsMissing) {
       const std::size_t n = map_.candidates(ray.origin, ray.direction, ray.t_max, candidates);
       const auto first = static_cast<std::uint32_t>(out.ask_parts.size());
       for (std::size_t c = 0; c < n; ++c)
