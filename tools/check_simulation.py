@@ -99,7 +99,7 @@ def main():
     parser.add_argument("--share", type=float, default=0.1, help="of a core, a worker")
     parser.add_argument("--budget", type=float, default=0.6, help="memory of a worker beside room for one build, of the whole scene's")
     parser.add_argument("--resolution", default="400x400")
-    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1, help="of the simulation")
     parser.add_argument("--timeout", type=float, default=900)
     parser.add_argument("--scratch", help="folder for temporary files")

@@ -67,13 +67,14 @@ double thread_cpu_seconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-ManagerDriver::ManagerDriver(const ManagerOptions& options, JobSpec job, std::uint64_t real_pixels, Transmit transmit)
-    : core_(options, std::move(job)), transmit_(std::move(transmit)) {
+ManagerDriver::ManagerDriver(const ManagerOptions& options, JobSpec job, std::uint64_t real_pixels, std::uint64_t pixels_of_one,
+                             Transmit transmit)
+    : core_(options, std::move(job)), transmit_(std::move(transmit)), real_pixels_(real_pixels), pixels_of_one_(pixels_of_one) {
   const wire::Bytes reply = wire::encode(real_reply(real_pixels));
   reply_bytes_ = reply->size();
   std::tie(decode_s_, merge_s_) = reply_seconds(reply, real_pixels);
+  decode_s_ /= static_cast<double>(real_pixels);
   merge_s_ /= static_cast<double>(real_pixels);
-  real_pixels_ = real_pixels;
   clock_s_ = clock_seconds();
 }
 
@@ -97,8 +98,12 @@ void ManagerDriver::finish(double now, Work work, double start) {
   outgoing_.clear();
 }
 
-std::uint64_t ManagerDriver::frame_bytes(const Link::Frame& frame, bool renderer_reply) const {
-  if (renderer_reply) return wire::kFrameHeaderBytes + reply_bytes_;
+std::uint64_t ManagerDriver::real_pixels(std::uint64_t reply_sums) const {
+  return std::min(real_pixels_, reply_sums * pixels_of_one_);
+}
+
+std::uint64_t ManagerDriver::frame_bytes(const Link::Frame& frame, std::uint64_t reply_sums) const {
+  if (reply_sums != 0) return wire::kFrameHeaderBytes + reply_bytes_ * real_pixels(reply_sums) / real_pixels_;
   return wire::kFrameHeaderBytes + (frame.payload ? frame.payload->size() : 0);
 }
 
@@ -117,7 +122,7 @@ void ManagerDriver::receive(HostId from, const Link::Frame& frame, double now) {
   double start = thread_cpu_seconds();
   std::vector<wire::Bytes> in_order;
   link->second.receive(frame.link, frame.payload, now, in_order);
-  std::uint64_t bytes = frame_bytes(frame, false);
+  std::uint64_t bytes = frame_bytes(frame, 0);
   Work work = Work::acknowledgements;
   for (const wire::Bytes& payload : in_order) {
     const double before = thread_cpu_seconds();
@@ -129,14 +134,15 @@ void ManagerDriver::receive(HostId from, const Link::Frame& frame, double now) {
     if (const auto* r = reply ? std::get_if<wire::RendererReply>(&reply->payload) : nullptr) {
       // What the simulated one takes to decode does not count; what it takes to merge does, where it is.
       start += thread_cpu_seconds() - before;
-      bytes = frame_bytes(frame, true);
-      const std::uint64_t missing = real_pixels_ - std::min<std::uint64_t>(real_pixels_, r->sums.size());
-      measure(now, Work::film, decode_s_ + merge_s_ * static_cast<double>(missing) + kByte * static_cast<double>(reply_bytes_));
+      bytes = frame_bytes(frame, r->sums.size());
+      const std::uint64_t pixels = real_pixels(r->sums.size()), missing = pixels - std::min<std::uint64_t>(pixels, r->sums.size());
+      measure(now, Work::film,
+              decode_s_ * static_cast<double>(pixels) + merge_s_ * static_cast<double>(missing) + kByte * static_cast<double>(bytes));
     }
     core_.receive(from, std::move(*message), now);
   }
   received_ += bytes;
-  unmeasured_ += kFrame + kByte * static_cast<double>(frame_bytes(frame, false));
+  unmeasured_ += kFrame + kByte * static_cast<double>(frame_bytes(frame, 0));
   drain(now);
   finish(now, work, start);
 }

@@ -28,7 +28,7 @@ class Simulation {
         width_((model.width + grain_.side - 1) / grain_.side),
         height_((model.height + grain_.side - 1) / grain_.side),
         dice_(plan.seed),
-        manager_(manager_options(), job(), std::uint64_t{kRealTile} * kRealTile,
+        manager_(manager_options(), job(), std::uint64_t{kRealTile} * kRealTile, std::uint64_t{grain_.side} * grain_.side,
                  [this](HostId to, const Link::Frame& f) { to_worker(to, f); }) {
     nodes_.push_back(nullptr);
   }
@@ -295,8 +295,7 @@ class Simulation {
   }
   void flush_link(SimulatedHost& n) {
     while (const auto frame = n.link->next(now())) {
-      const bool reply = frame->payload && is_renderer_reply(*frame->payload);
-      const auto bytes = static_cast<double>(manager_.frame_bytes(*frame, reply));
+      const auto bytes = static_cast<double>(manager_.frame_bytes(*frame, frame->payload ? reply_sums(*frame->payload) : 0));
       sent_bytes_ += bytes;
       n.line_out = std::max(n.line_out, now()) + bytes / plan_.network.bandwidth;
       manager_in_ = std::max(manager_in_, n.line_out) + bytes / plan_.network.manager_bandwidth;
@@ -310,14 +309,16 @@ class Simulation {
       });
     }
   }
-  static bool is_renderer_reply(const std::vector<std::byte>& payload) {
+  // Of a renderer task's reply; 0: it is none.
+  static std::uint64_t reply_sums(const std::vector<std::byte>& payload) {
     const auto m = wire::decode(payload);
     const auto* r = m ? std::get_if<wire::Reply>(&*m) : nullptr;
-    return r && std::holds_alternative<wire::RendererReply>(r->payload);
+    const auto* renderer = r ? std::get_if<wire::RendererReply>(&r->payload) : nullptr;
+    return renderer ? renderer->sums.size() : 0;
   }
   void to_worker(HostId to, const Link::Frame& frame) {
     SimulatedHost& n = *nodes_[to.value];
-    const auto bytes = static_cast<double>(manager_.frame_bytes(frame, false));
+    const auto bytes = static_cast<double>(manager_.frame_bytes(frame, 0));
     manager_out_ = std::max(manager_out_, now()) + bytes / plan_.network.manager_bandwidth;
     sent_bytes_ += bytes;
     at(manager_out_ + plan_.network.latency, [this, &n, frame] {
