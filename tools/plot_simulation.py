@@ -20,7 +20,8 @@ COLOURS = ("#c23b22", "#1f5fa8", "#2e8b57", "#b8860b", "#6a3d9a", "#555555")
 def plain(axis):
     for side in (axis.xaxis, axis.yaxis):
         if side.get_scale() == "log":
-            side.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+            low, high = side.get_view_interval()
+            side.set_major_locator(ticker.LogLocator(subs=(1, 2, 5) if high < 300 * low else (1,), numticks=20))
         side.set_major_formatter(ticker.FormatStrFormatter("%g"))
         side.set_minor_formatter(ticker.NullFormatter())
     axis.grid(alpha=.3)
@@ -40,14 +41,17 @@ def main():
         time.loglog(hosts, [p["wall_s"] for p in rows], "o-", color=colour, label=name, markersize=4)
         time.loglog(hosts, [rows[0]["wall_s"] * hosts[0] / n for n in hosts], ":", color=colour, alpha=.5)
         cost.loglog(hosts, [max(p["cost"], 1e-6) for p in rows], "o-", color=colour, markersize=4)
+        efficiency.set_ylim(0, 110)
         efficiency.semilogx(hosts, [100 * p["efficiency"] for p in rows], "o-", color=colour, markersize=4)
         manager.loglog(hosts, [max(p["manager"]["cpu_share"], 1e-4) for p in rows], "o-", color=colour, markersize=4)
         manager.loglog(hosts, [max(p["manager"]["line_share"], 1e-6) for p in rows], "--", color=colour, alpha=.6)
         before = None
         for p in rows:  # where what costs most changes
             if p["bottleneck"] != before:
+                last = p is rows[-1] and len(rows) > 1
                 efficiency.annotate(p["bottleneck"], (p["hosts"], 100 * p["efficiency"]), textcoords="offset points",
-                                    xytext=(4, 6), fontsize=8, color=colour)
+                                    xytext=(4, -12) if last else (-4, 8), ha="right" if last else "left", fontsize=8,
+                                    color=colour)
             before = p["bottleneck"]
     for axis, title in ((time, "seconds, loading included (dotted: all hosts of use)"), (cost, "money"),
                         (efficiency, "efficiency, %, and what costs most of the rest"),
