@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "net/greeting.h"
 #include "net/listener.h"
+#include "net/own_certificate.h"
 #include "net/tls.h"
 
 namespace cloudrenderer {
@@ -347,6 +348,36 @@ TEST_F(Files, WrongOptionsAreNamed) {
   EXPECT_NE(message({TlsMode::on, path("none.pem"), path("none.key"), ""}).find("none.pem"),
             std::string::npos);
   EXPECT_NE(message({TlsMode::off, "a.pem", "a.key", ""}).find("--tls off"), std::string::npos);
+}
+
+TEST_F(Files, AKeptCertificateIsMadeAgainOnlyWhereItIsOfNoUse) {
+  using Names = std::vector<std::string>;
+  const auto text = [](const std::string& file) {
+    std::ifstream in(file);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const std::string folder = path("");
+  const CertificateFiles files = kept_certificate(folder, Names{"farm.example", "10.1.2.3"}, Names{"localhost", "::1"});
+  EXPECT_TRUE(files.made);
+  EXPECT_EQ(std::filesystem::status(files.key).permissions(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  const std::string first = text(files.certificate);
+  const auto made_for = [&](const Names& names) { return kept_certificate(folder, names, Names{}).made; };
+  EXPECT_FALSE(made_for({"farm.example", "10.1.2.3"}));
+  EXPECT_FALSE(made_for({"localhost"}));
+  EXPECT_FALSE(made_for({"::1"}));
+  EXPECT_EQ(text(files.certificate), first);
+  EXPECT_TRUE(made_for({"other.example"}));
+  EXPECT_NE(text(files.certificate), first);
+  EXPECT_FALSE(made_for({"other.example"}));
+  EXPECT_TRUE(made_for({"10.1.2.4"}));
+  std::ofstream(files.certificate) << first;  // another key's
+  EXPECT_TRUE(made_for({"farm.example"}));
+  std::filesystem::remove(files.key);
+  EXPECT_TRUE(made_for({"farm.example"}));
+  std::ofstream(files.certificate) << "nothing";
+  EXPECT_TRUE(made_for({"farm.example"}));
+  EXPECT_THROW(kept_certificate(path("nowhere"), Names{"farm.example"}, Names{}), ClusterError);
+  EXPECT_THROW(kept_certificate(folder, Names{"a,b"}, Names{}), std::runtime_error);
 }
 
 TEST_F(Files, TheTokenComesFromAFileOrTheEnvironment) {

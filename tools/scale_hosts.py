@@ -184,7 +184,8 @@ def main():
     for command in local, slurm:
         command.add_argument("--service", default=os.environ.get("CLOUDRENDERER_SERVICE"), help="http://HOST:PORT of its API")
         command.add_argument("--user-token-file")
-        command.add_argument("--service-ca", help="PEM that the service's certificate must lead to")
+        command.add_argument("--service-ca", default=os.environ.get("CLOUDRENDERER_SERVICE_CA"),
+                             help="PEM: the service's certificate, or one that it leads to")
         command.add_argument("--manager", required=True, help="HOST:PORT where the service awaits workers")
         command.add_argument("--kind", default="", help="of these hosts, as the price table names it")
         command.add_argument("--every", type=float, default=5, help="seconds between two looks")

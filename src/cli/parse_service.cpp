@@ -23,11 +23,12 @@ struct ServiceCommands::Given {
   void add_address(CLI::App& app) {
     app.add_option("--service", url, "http://HOST:PORT of the service (default: CLOUDRENDERER_SERVICE)");
     app.add_option("--user-token-file", token_file, "file with your token (default: CLOUDRENDERER_USER_TOKEN)");
-    app.add_option("--service-ca", authority, "PEM: the service's certificate must lead to one of these");
+    app.add_option("--service-ca", authority, "PEM: the service's certificate, or one that it leads to (default: CLOUDRENDERER_SERVICE_CA)");
   }
   ServiceAddress address() const {
     const char* said = std::getenv("CLOUDRENDERER_SERVICE");
     ServiceAddress out{url.empty() && said ? said : url, "", authority};
+    if (const char* file = std::getenv("CLOUDRENDERER_SERVICE_CA"); file && authority.empty()) out.authority = file;
     if (out.url.empty()) throw UsageError("--service http://HOST:PORT is needed, or CLOUDRENDERER_SERVICE");
     if (const char* token = std::getenv("CLOUDRENDERER_USER_TOKEN"); token && token_file.empty()) out.token = token;
     if (!token_file.empty()) out.token = read_token(token_file);
@@ -118,7 +119,7 @@ Command ServiceCommands::read_serve(const Address& listen, const RenderOptions& 
   c.folder = g.folder;
   c.managers = listen;
   c.managers_host = g.advertise.empty() ? listen.host : g.advertise;
-  if (c.managers_host.empty() || c.managers_host == "0.0.0.0" || c.managers_host == "::")
+  if (Address{c.managers_host, 0}.is_wildcard())
     throw UsageError("--listen " + listen.to_string() + " does not tell workers where this machine is: --advertise HOST does");
   c.token = read_token(manager.token_file);
   c.tls = manager.request.tls;

@@ -18,8 +18,9 @@ int run_serve(const ServeOptions& o, Interrupts& interrupts) {
   Users users = o.users.empty() ? Users::only(o.config.token) : Users::from_file(o.users);
   std::optional<PriceTable> prices;
   if (!o.prices.empty()) prices = PriceTable::read(o.prices);
-  serve({o.config, o.listen, o.api, o.lost_after_s}, std::move(users), std::move(prices), interrupts, [](const Address& hosts, const std::string& api) {
-    fmt::print("listening on {}\n{} is for users\n", hosts.to_string(), api);
+  serve({o.config, o.listen, o.api, o.lost_after_s}, std::move(users), std::move(prices), interrupts, [](const Serving& s) {
+    fmt::print("listening on {}\n{} is for users\n", s.hosts.to_string(), s.api);
+    if (!s.certificate.empty()) fmt::print("{} is what they trust it by (--service-ca, CLOUDRENDERER_SERVICE_CA)\n", s.certificate);
     std::fflush(stdout);
   });
   return kDone;

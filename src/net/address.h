@@ -14,6 +14,7 @@ struct Address {
   static Address parse(const std::string& text);
   std::string to_string() const;
   bool is_loopback() const;  // by its text: "localhost", 127.x, ::1
+  bool is_wildcard() const { return host.empty() || host == "0.0.0.0" || host == "::"; }  // all interfaces, to listen on
   friend bool operator==(const Address&, const Address&) = default;
 };
 

@@ -315,8 +315,8 @@ struct Api::Server {
 Api::Api(Service& service, const Address& listen, const TlsOptions& tls) : server_(std::make_unique<Server>(service, listen, tls)) {}
 Api::~Api() = default;
 
-std::string Api::url() const {
-  const std::string host = server_->listen.host.empty() ? "localhost" : server_->listen.host;
+std::string Api::url(const std::string& name) const {
+  const std::string& host = server_->listen.is_wildcard() ? name : server_->listen.host;
   return (server_->encrypted ? "https://" : "http://") + Address{host, static_cast<std::uint16_t>(server_->port)}.to_string();
 }
 

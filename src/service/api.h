@@ -21,7 +21,8 @@ class Api {
   Api(const Api&) = delete;
   Api& operator=(const Api&) = delete;
 
-  std::string url() const;
+  // `name`: of this machine, where it listens at all of its addresses.
+  std::string url(const std::string& name) const;
   // "GET /v1/jobs/{job}" and so on, all that there are.
   static std::vector<std::string> routes();
 

@@ -24,6 +24,20 @@ std::string why_of(const httplib::Response& response) {
   }
 }
 
+std::string why_of(httplib::Error error) {
+  switch (error) {
+    case httplib::Error::SSLServerVerification:
+      return "its certificate is none that this machine trusts for that name; --service-ca FILE, or CLOUDRENDERER_SERVICE_CA, says "
+             "which one it must have (certificate.pem in the service's folder, unless it was given another one)";
+    case httplib::Error::SSLLoadingCerts:
+      return "the file of --service-ca, or CLOUDRENDERER_SERVICE_CA, has no certificate";
+    case httplib::Error::Connection:
+      return "nobody answers there";
+    default:
+      return httplib::to_string(error);
+  }
+}
+
 }  // namespace
 
 struct ServiceClient::Connection {
@@ -33,11 +47,13 @@ struct ServiceClient::Connection {
     http.set_write_timeout(kPatience);
     http.set_keep_alive(true);
     http.set_bearer_token_auth(address.token.c_str());
-    if (!address.authority.empty()) http.set_ca_cert_path(address.authority.c_str());
+    if (address.authority.empty()) return;
+    if (!std::ifstream(address.authority)) throw UsageError("--service-ca: " + address.authority + " cannot be read");
+    http.set_ca_cert_path(address.authority.c_str());
   }
   // Throws for everything that is no success.
   httplib::Response check(const httplib::Result& result) const {
-    if (!result) throw ClusterError("the service at " + url + " cannot be reached: " + httplib::to_string(result.error()));
+    if (!result) throw ClusterError("the service at " + url + " cannot be reached: " + why_of(result.error()));
     if (result->status == 401) throw ClusterError("the service at " + url + " refuses the token");
     if (result->status >= 500) throw ClusterError("the service at " + url + ": " + why_of(*result));
     if (result->status >= 400) throw UsageError(why_of(*result));

@@ -14,8 +14,15 @@ struct ServeConfig {
   double lost_after_s = 3;
 };
 
-// Serves until it is interrupted. `ready` is told where workers and users are awaited. Throws UsageError, ClusterError.
+// Where workers and users are awaited.
+struct Serving {
+  Address hosts;
+  std::string api;          // an address for browsers
+  std::string certificate;  // PEM file of the one that the service has made for itself; "": of another one, or none
+};
+
+// Serves until it is interrupted. Throws UsageError, ClusterError.
 void serve(const ServeConfig& config, Users users, std::optional<PriceTable> prices, Interrupts& interrupts,
-           const std::function<void(const Address& hosts, const std::string& api)>& ready);
+           const std::function<void(const Serving&)>& ready);
 
 }  // namespace cloudrenderer

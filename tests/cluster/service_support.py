@@ -13,6 +13,7 @@ TOKEN = "the cluster's secret"
 
 class ServiceTest(support.ClusterTest):
     USERS = {"ann": {}, "bob": {"share": 2}, "root": {"admin": True, "priority_limit": 5}}
+    API = "127.0.0.1"  # where it listens for users
     SERVE = ("--log-level", "info")  # options of the service
     PREFIX = ()  # commands that become the service, or a worker
 
@@ -40,7 +41,7 @@ class ServiceTest(support.ClusterTest):
 
     def start_service(self, name):
         self.service = self.start(name, "manager", "--serve", self.folder / "data", "--listen", f"127.0.0.1:{self.pool_port}", "--api",
-                                  f"127.0.0.1:{self.api_port}", "--users", self.folder / "users.json", "--prices", self.folder / "prices.json",
+                                  f"{self.API}:{self.api_port}", "--users", self.folder / "users.json", "--prices", self.folder / "prices.json",
                                   *self.SERVE, prefix=self.PREFIX)
         self.assertTrue(support.wait_until_listening(self.api_port), self.service.text())
 

@@ -1,8 +1,11 @@
 """A service with pool workers and several users: uploads, jobs, pictures, what users may see, kills, and a restart."""
 import hashlib
 import os
+import signal
 import socket
+import ssl
 import time
+import urllib.request
 
 import numpy as np
 import service_support
@@ -172,6 +175,44 @@ class Service(service_support.ServiceTest):
         self.wait_for(lambda: not any((self.folder / "data/splits").iterdir()), "the split is kept, which nobody needs")
         self.wait_for(lambda: not any((self.folder / "data/trash").iterdir()), "the trash is not emptied")
         self.assertGreaterEqual(self.ask("ann", "GET", "/v1/usage")[1]["users"][0]["cpu_s"], used["cpu_s"])
+
+    def test_the_certificate_that_a_service_makes_is_what_its_users_trust(self):
+        self.API = "0.0.0.0"
+        self.start_service("service")
+        self.start_worker("worker", self.pool_port, 0, "64MiB")
+        certificate, key = self.folder / "data/certificate.pem", self.folder / "data/certificate-key.pem"
+        self.assertEqual([f"{f.stat().st_mode & 0o777:o}" for f in (certificate, key)], ["644", "600"])
+        self.assertIn(str(certificate), self.service.text())
+        url = f"https://localhost:{self.api_port}"
+
+        def ask(code, *options, service=url, **environment):
+            result = measure.run([support.PROGRAM, "status", "--service", service, "--user-token-file", self.folder / "ann.token", *options],
+                                 timeout=60, env=os.environ | environment)
+            self.assertEqual(result.code, code, result.output)
+            return result.output
+
+        self.assertIn("CLOUDRENDERER_SERVICE_CA", ask(4))
+        self.assertIn("missing.pem cannot be read", ask(2, "--service-ca", self.folder / "missing.pem"))
+        self.assertIn("has no certificate", ask(4, "--service-ca", self.folder / "users.json"))
+        ask(0, "--service-ca", certificate)
+        ask(0, CLOUDRENDERER_SERVICE_CA=str(certificate))
+        ask(0, "--service-ca", certificate, service=f"https://127.0.0.1:{self.api_port}")
+        request = urllib.request.Request(url + "/v1/jobs", headers={"Authorization": "Bearer ann's token"})
+        with urllib.request.urlopen(request, context=ssl.create_default_context(cafile=certificate)) as answer:  # as other programs check it
+            self.assertEqual(answer.status, 200)
+        scene = self.write("good.pbrt", HEAD + 'Shape "sphere"\nWorldEnd\n')
+        submitted = measure.run([support.PROGRAM, "submit", scene, "--wait"], timeout=120, env=os.environ | {
+            "CLOUDRENDERER_SERVICE": url, "CLOUDRENDERER_SERVICE_CA": str(certificate), "CLOUDRENDERER_USER_TOKEN": "ann's token"})
+        self.assertEqual(submitted.code, 0, submitted.output)
+        given = certificate.read_bytes()
+        for options, same in ((), True), (("--advertise", "localhost"), True), (("--advertise", "farm.example"), False):
+            self.service.kill(signal.SIGTERM)
+            self.service.child.wait(20)
+            self.SERVE = options
+            self.start_service("again")
+            self.assertEqual(certificate.read_bytes() == given, same, options)
+        ask(4, "--service-ca", self.write("old.pem", given.decode()))
+        ask(0, "--service-ca", certificate)
 
     def test_uploads_go_on_and_requests_are_checked(self):
         self.serve(0)

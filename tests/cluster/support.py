@@ -46,12 +46,12 @@ def json_of(path):
 
 def wait_until_listening(port, seconds=20):
     """True when somebody listens; looks at the kernel's table, so that no connection is made."""
-    wanted = f"0100007F:{port:04X}"
+    wanted = f"0100007F:{port:04X}", f"00000000:{port:04X}"
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         for line in pathlib.Path("/proc/net/tcp").read_text().splitlines()[1:]:
             fields = line.split()
-            if fields[1] == wanted and fields[3] == "0A":
+            if fields[1] in wanted and fields[3] == "0A":
                 return True
         time.sleep(0.05)
     return False
