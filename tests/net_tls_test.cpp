@@ -377,7 +377,8 @@ TEST_F(Files, AKeptCertificateIsMadeAgainOnlyWhereItIsOfNoUse) {
   std::ofstream(files.certificate) << "nothing";
   EXPECT_TRUE(made_for({"farm.example"}));
   EXPECT_THROW(kept_certificate(path("nowhere"), Names{"farm.example"}, Names{}), ClusterError);
-  EXPECT_THROW(kept_certificate(folder, Names{"a,b"}, Names{}), std::runtime_error);
+  EXPECT_THROW(kept_certificate(folder, Names{"a,DNS:b"}, Names{}), UsageError);
+  EXPECT_THROW(kept_certificate(folder, Names{"fe80::1%eth0"}, Names{}), UsageError);
 }
 
 TEST_F(Files, TheTokenComesFromAFileOrTheEnvironment) {

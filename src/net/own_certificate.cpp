@@ -56,7 +56,12 @@ void extend(X509* certificate, int kind, const std::string& value) {
 
 void extend_for(X509* certificate, std::span<const std::string> names) {
   std::string all;
-  for (const std::string& name : names) all += (all.empty() ? "" : ",") + std::string(is_address(name) ? "IP:" : "DNS:") + name;
+  for (const std::string& name : names) {
+    // What ends the name, or begins another one, for OpenSSL; an address of one interface is none that others could use.
+    if (name.empty() || name.find_first_of(",;% ") != std::string::npos)
+      throw UsageError("a certificate cannot name '" + name + "'; another name (--advertise), or a certificate of your own (--tls-cert), can help");
+    all += (all.empty() ? "" : ",") + std::string(is_address(name) ? "IP:" : "DNS:") + name;
+  }
   extend(certificate, NID_subject_alt_name, all);
   extend(certificate, NID_basic_constraints, "critical,CA:FALSE");
   extend(certificate, NID_key_usage, "critical,digitalSignature");

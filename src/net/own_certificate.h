@@ -12,7 +12,7 @@ namespace cloudrenderer {
 class OwnCertificate {
  public:
   OwnCertificate() : OwnCertificate(std::span<const std::string>()) {}  // of nobody
-  // Of a server with these names (hosts, IP addresses), for those who have the certificate and trust it.
+  // Of a server with these names (hosts, IP addresses), for those who have the certificate and trust it. Throws UsageError, too.
   explicit OwnCertificate(std::span<const std::string> names);
   ~OwnCertificate();
   OwnCertificate(const OwnCertificate&) = delete;
