@@ -57,7 +57,7 @@ class ManagerDriver {
   std::array<std::vector<double>, kWork.size()> cpu_;  // by second
   std::vector<std::pair<HostId, Link::Frame>> outgoing_;  // to transmit: that is the simulation's work, not the manager's
   double unmeasured_ = 0;                                // what takes the place of a socket, for these
-  std::vector<double> sent_;       // likewise, bytes
+  std::vector<double> sent_;  // bytes, by second
   std::uint64_t received_ = 0, messages_ = 0;
 };
 
