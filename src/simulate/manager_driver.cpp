@@ -123,6 +123,7 @@ void ManagerDriver::receive(HostId from, const Link::Frame& frame, double now) {
   std::vector<wire::Bytes> in_order;
   link->second.receive(frame.link, frame.payload, now, in_order);
   std::uint64_t bytes = frame_bytes(frame, 0);
+  double from_socket = kByte * static_cast<double>(bytes);
   Work work = Work::acknowledgements;
   for (const wire::Bytes& payload : in_order) {
     const double before = thread_cpu_seconds();
@@ -135,6 +136,7 @@ void ManagerDriver::receive(HostId from, const Link::Frame& frame, double now) {
       // What the simulated one takes to decode does not count; what it takes to merge does, where it is.
       start += thread_cpu_seconds() - before;
       bytes = frame_bytes(frame, r->sums.size());
+      from_socket = 0;  // it is the film's, below
       const std::uint64_t pixels = real_pixels(r->sums.size()), missing = pixels - std::min<std::uint64_t>(pixels, r->sums.size());
       measure(now, Work::film,
               decode_s_ * static_cast<double>(pixels) + merge_s_ * static_cast<double>(missing) + kByte * static_cast<double>(bytes));
@@ -142,7 +144,7 @@ void ManagerDriver::receive(HostId from, const Link::Frame& frame, double now) {
     core_.receive(from, std::move(*message), now);
   }
   received_ += bytes;
-  unmeasured_ += kFrame + kByte * static_cast<double>(frame_bytes(frame, 0));
+  unmeasured_ += kFrame + from_socket;
   drain(now);
   finish(now, work, start);
 }

@@ -75,6 +75,16 @@ TEST(Simulate, OneHostTakesWhatItsCostsSay) {
   EXPECT_NEAR(p.render_s, cpu / 256 * p.paths / 0.2, 0.04 * p.render_s);
 }
 
+// Replies are as large as the tiles of their tasks, so that more hosts with smaller tiles send about as much.
+TEST(Simulate, SmallTilesHaveSmallReplies) {
+  const SceneModel m = made_up(1, 2);
+  const Prediction one = simulate(m, plan(1)), many = simulate(m, plan(64));
+  expect_done(many, m);
+  EXPECT_EQ(many.moves_per_path, 0);
+  EXPECT_GT(one.bytes, 16.0 * m.width * m.height);
+  EXPECT_LT(many.bytes, 2 * one.bytes);
+}
+
 TEST(Simulate, TheSameSeedGivesTheSamePrediction) {
   const SceneModel m = made_up(2);
   ClusterPlan c = plan(6);
