@@ -92,7 +92,8 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   even_lobes_ = lights_->has_v2_disk();
   first_pair_ = lights_->has_choice() ? 0 : 1;
   fixed_units_ = fixed_units(job.k);
-  hittable_lights_ = lights_->has_infinite() || !manifest.shape_lights.empty();
+  infinite_lights_ = lights_->has_infinite();
+  hittable_lights_ = infinite_lights_ || !manifest.shape_lights.empty();
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings,
                           film_diagonal(manifest.scene.film));
   filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);

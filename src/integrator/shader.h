@@ -246,7 +246,7 @@ struct PathTracer::Shader {
   void escape();
   // Whether light counts that a path finds outside of the scene.
   bool finds_infinite(const PathSegment& s) const {
-    return tracer.lights_->has_infinite() && tracer.job_.integrator != IntegratorKind::ambient_occlusion &&
+    return tracer.infinite_lights_ && tracer.job_.integrator != IntegratorKind::ambient_occlusion &&
            (!(s.flags & kSpecularBounce) || s.vertex <= tracer.job_.emission_vertex);
   }
   // Whether light that the path finds comes by paths from lights as well: not what the camera sees lit directly.
