@@ -4,6 +4,7 @@
 #include <zlib.h>
 
 #include "cli_scene_support.h"
+#include "images/images.h"
 #include "scene/language.h"
 
 namespace cloudrenderer {
@@ -219,6 +220,8 @@ std::vector<Broken> scenes() {
       {P, "nowhere.png", texture("\"imagemap\" \"string filename\" \"nowhere.png\"")},
       {P, "empty.ply", texture("\"imagemap\" \"string filename\" \"empty.ply\"")},
       {P, "broken.png", texture("\"imagemap\" \"string filename\" \"broken.png\"")},
+      {P, "not a regular file", texture("\"imagemap\" \"string filename\" \"/dev/zero\"")},
+      {P, "not a regular file", world("LightSource \"infinite\" \"string mapname\" \"/dev/zero\"")},
       {P, "unknown wrap", texture("\"imagemap\" \"string filename\" \"good.ppm\" \"string wrap\" \"twist\"")},
       {P, "unknown texture mapping", texture("\"uv\" \"string mapping\" \"conical\"")},
       {E, "dimension must be 2 or 3", texture("\"checkerboard\" \"integer dimension\" 4")},
@@ -313,7 +316,7 @@ std::vector<Broken> scenes_of_v4() {
       {E, "needs \"sigma_a\" or \"sigma_s\"", w("MakeNamedMedium \"m\" \"string type\" \"rgbgrid\"")},
       {E, "needs 3 values of \"sigma_s\"", w("MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"rgb sigma_s\" [1 1 1 2 2 2]")},
       {E, "must have a volume", w("MakeNamedMedium \"m\" \"string type\" \"cloud\" \"point3 p1\" [0 1 1]")},
-      {P, "unknown encoding", w(std::string("Texture \"x\" \"spectrum\" \"imagemap\" \"string filename\" \"good.ppm\" \"string encoding\" \"morse\"\nMaterial \"diffuse\" \"texture reflectance\" \"x\"\nShape \"trianglemesh\" ") + kTriangle)},
+      {P, "unknown encoding", w(std::string("Texture \"x\" \"spectrum\" \"imagemap\" \"string filename\" \"good.png\" \"string encoding\" \"morse\"\nMaterial \"diffuse\" \"texture reflectance\" \"x\"\nShape \"trianglemesh\" ") + kTriangle)},
       {E, "dir must have a length", w(std::string("Texture \"x\" \"spectrum\" \"directionmix\" \"vector dir\" [0 0 0]\nMaterial \"diffuse\" \"texture reflectance\" \"x\"\nShape \"trianglemesh\" ") + kTriangle)},
       {P, "without \"string type\"", w("MakeNamedMaterial \"m\"")},
       {E, "must be of type string", w("MakeNamedMaterial \"m\" \"float type\" 1")},
@@ -338,6 +341,10 @@ class BrokenScenes : public testing::Test {
     write_file(folder_.path("cut.ply.gz"), gzip(good).substr(0, 40));
     write_file(folder_.path("broken.png"), "\x89PNG\r\n\x1a\nand no more");
     write_file(folder_.path("good.ppm"), "P6\n2 1\n255\n" + std::string(6, '\x7f'));
+    std::vector<unsigned char> png;
+    std::string why;
+    EXPECT_TRUE(encode_bytes("good.png", 2, 1, std::vector<std::uint8_t>(6, 0x7f).data(), png, why)) << why;
+    write_file(folder_.path("good.png"), std::string(png.begin(), png.end()));
     write_file(folder_.path("part.pbrt"), "ObjectInstance \"of nothing\"\n");
   }
 

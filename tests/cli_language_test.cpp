@@ -19,6 +19,7 @@ namespace {
 std::string value_of(const LanguageRow& row, const LanguageParam& p) {
   const std::string name(p.name), type(p.type);
   static const std::map<std::string, std::string> kNamed{
+      {"shutteropen", "0"},
       {"indices", "[0 1 2]"},   {"P", "[0 0 0 1 0 0 0 1 0]"},
       {"N", "[0 0 1 0 0 1 0 0 1]"}, {"S", "[1 0 0 1 0 0 1 0 0]"},
       {"uv", "[0 0 1 0 0 1]"},  {"st", "[0 0 1 0 0 1]"},

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "cli_scene_support.h"
+#include "images/images.h"
 #include "scene/color_space.h"
 #include "scene/language.h"
 #include "scene/named_spectra.h"
@@ -188,18 +189,24 @@ TEST_F(V4Scenes, MeasuredMaterialsAreRead) {
 // What a plane that fills the view reflects.
 TEST_F(V4Scenes, FloatTexturesAreTheMeanOfDecodedColours) {
   write_file(folder_.path("moss.ppm"), std::string("P6\n1 1\n255\n") + "\x33\x66\x1a");
-  const auto reflected = [&](const std::string& more) {
+  std::vector<unsigned char> file;
+  const std::array<std::uint8_t, 3> moss{0x33, 0x66, 0x1a};
+  std::string why;
+  ASSERT_TRUE(encode_bytes("moss.png", 1, 1, moss.data(), file, why)) << why;
+  write_file(folder_.path("moss.png"), std::string(file.begin(), file.end()));
+  const auto reflected = [&](const std::string& name, const std::string& more) {
     const auto scene = picture("Camera \"orthographic\"\nFilm \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2 \"string filename\" \"x.exr\"\n"
                                "Sampler \"zsobol\" \"integer pixelsamples\" 256\nWorldBegin\nLightSource \"infinite\"\n"
-                               "Texture \"t\" \"float\" \"imagemap\" \"string filename\" \"moss.ppm\" " + more + "\n"
+                               "Texture \"t\" \"float\" \"imagemap\" \"string filename\" \"" + name + "\" " + more + "\n"
                                "Texture \"c\" \"spectrum\" \"scale\" \"rgb tex\" [1 1 1] \"texture scale\" \"t\"\n"
                                "Material \"diffuse\" \"texture reflectance\" \"c\"\nShape \"disk\" \"float radius\" 9 \"float height\" 2\n",
                                Dialect::v4);
     EXPECT_EQ(scene.error, "");
     return scene.pixels.empty() ? 0.f : scene.pixels[0];
   };
-  EXPECT_NEAR(reflected("\"string encoding\" \"sRGB\""), .0588f, 1e-3f);
-  EXPECT_NEAR(reflected("\"string encoding\" \"linear\""), .2340f, 2e-3f);
+  EXPECT_NEAR(reflected("moss.png", "\"string encoding\" \"sRGB\""), .0588f, 1e-3f);
+  EXPECT_NEAR(reflected("moss.png", "\"string encoding\" \"linear\""), .2340f, 2e-3f);
+  EXPECT_NEAR(reflected("moss.ppm", "\"string encoding\" \"linear\""), .0588f, 1e-3f) << "pictures of other kinds than PNG have their encoding";
 }
 
 TEST_F(V4Scenes, ParametersGoOnBehindAnInclude) {

@@ -101,6 +101,25 @@ TEST(Film, NegativeLobesAreWeighedByTheirIntegralNotByTheirSamples) {
   EXPECT_EQ(std::get<std::vector<float>>(samples_layer(film).values), (std::vector<float>{6, 1}));
 }
 
+TEST(Film, IsDevelopedWithoutNegativePixelsBeforePbrtV4) {
+  Film film({2, 1, 0, 0, 2, 1}, 20, {1.25, 0.25});
+  film.at(0, 0).add(fixed({2, 3, 1}), 0);
+  film.at(0, 0, true).add(fixed({2, 5, 9}), 1);
+  FilmOptions options;
+  options.scale = 2;
+  EXPECT_EQ(developed(film, options).pixels[0], Rgb(4, 5, 0));
+  options.keeps_negative = true;
+  EXPECT_EQ(developed(film, options).pixels[0], Rgb(4, 5, -2));
+}
+
+TEST(Film, LimitsTheLargestOfXyz) {
+  FilmOptions options;
+  options.scale = 0.5f;
+  options.max_component = 1.5f;
+  EXPECT_EQ(component_limit(options, {2, 2, 2}), 1.f);
+  EXPECT_NEAR(component_limit(options, {2, 4, 6}), 1.5 / (0.019331 + 2 * 0.119195 + 3 * 0.950532), 1e-5);
+}
+
 // However samples fall among the lobes: radiance that is the same everywhere is the pixel's.
 TEST(Film, NegativeLobesLeaveConstantPicturesAsTheyAre) {
   std::mt19937 random(5);

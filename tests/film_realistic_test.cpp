@@ -15,6 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::entity;
+using test::boolean;
 using test::reals;
 using test::string;
 
@@ -134,6 +135,21 @@ TEST(RealisticCamera, SeesAsAPinholeOfItsImageDistance) {
   EXPECT_EQ(seen, 4);
   const CameraRay lost = camera->ray({45, 30}, {0.f, 0.f});  // a corner of the pupil's square
   EXPECT_EQ(lost.weight, 0.f);
+}
+
+// Only where the weighting is not simple, and not for pbrt-v4, whose film counts it.
+TEST(RealisticCamera, CountsHowLongTheShutterIsOpen) {
+  const LensFile file(kConvex);
+  const auto weight = [&](bool simple, float close, bool v4) {
+    Warnings warnings;
+    const auto desc = entity<CameraDesc>("realistic", {string("lensfile", file.path()), reals("aperturediameter", {0.5f}), reals("focusdistance", {5}),
+                                                       boolean("simpleweighting", simple), reals("shutterclose", {close}), boolean("exposed", v4)});
+    return Camera::build(desc, {90, 60, 0, 0, 90, 60}, Dialect::v3, warnings, 35.f)->ray({45, 30}, Vec2(0.5f)).weight;
+  };
+  EXPECT_GT(weight(false, 1, false), 0.f);
+  EXPECT_EQ(weight(false, 0.5f, false), 0.5f * weight(false, 1, false));
+  EXPECT_EQ(weight(false, 0.5f, true), weight(false, 1, false));
+  EXPECT_EQ(weight(true, 0.5f, false), weight(true, 1, false));
 }
 
 TEST(RealisticCamera, RefusesWhatMakesNoPicture) {

@@ -22,6 +22,11 @@ inline Param integer(const std::string& name, int value) {
   p.integers = BulkArray<std::int32_t>(std::vector<std::int32_t>{value});
   return p;
 }
+inline Param boolean(const std::string& name, bool value) {
+  Param p = integer(name, value);
+  p.type = ParamType::boolean;
+  return p;
+}
 inline Param string(const std::string& name, const std::string& value) {
   Param p;
   p.type = ParamType::string;

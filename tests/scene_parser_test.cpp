@@ -124,7 +124,7 @@ TEST(Parser, BeforeV4AFileMayHoldSomeOfTheParameters) {
   const auto parse = [&](const std::string& list) {
     SceneCollector sink;
     Warnings warnings;
-    parse_scene(folder.write("a.pbrt", "WorldBegin Texture \"t\" \"float\" \"constant\" Shape \"x\" " + list + " WorldEnd"), {}, sink, warnings);
+    parse_scene(folder.write("a.pbrt", "WorldBegin Texture \"t\" \"spectrum\" \"constant\" Shape \"x\" " + list + " WorldEnd"), {}, sink, warnings);
     return sink.shapes;
   };
   const auto shapes = parse("\"float a\" 1 Include \"more.pbrt\" \"float d\" 4 Shape \"y\"");

@@ -28,11 +28,6 @@ inline Param point(const std::string& name, const Vec3& v) {
   p.type = ParamType::point3;
   return p;
 }
-inline Param boolean(const std::string& name, bool v) {
-  Param p = integer(name, v);
-  p.type = ParamType::boolean;
-  return p;
-}
 
 // A scene made of lights only.
 struct Scene {

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "shading/material.h"
+#include "shading/media.h"
 #include "shading/subsurface.h"
 #include "shading_support.h"
 
@@ -44,6 +45,20 @@ double simulated(double albedo, double eta, int walks, std::mt19937_64& random) 
     }
   }
   return left / walks;
+}
+
+TEST(MeasuredMedia, AreThoseOfTheVersion) {
+  Rgb v2_a, v2_s, v3_a, v3_s;
+  ASSERT_TRUE(find_measured_medium("Skin1", Dialect::v2, v2_a, v2_s));
+  ASSERT_TRUE(find_measured_medium("Skin1", Dialect::v3, v3_a, v3_s));
+  EXPECT_EQ(v2_a, v3_a);
+  EXPECT_EQ(v2_s, v3_s);
+  ASSERT_TRUE(find_measured_medium("Espresso", Dialect::v2, v2_a, v2_s));
+  ASSERT_TRUE(find_measured_medium("Espresso", Dialect::v3, v3_a, v3_s));
+  EXPECT_EQ(v2_a, Rgb(.1669f, .2287f, .3078f));
+  EXPECT_EQ(v3_a, Rgb(4.7984f, 6.5751f, 8.8493f));
+  EXPECT_TRUE(find_measured_medium("Suisse Mocha", Dialect::v2, v2_a, v2_s));
+  EXPECT_FALSE(find_measured_medium("Suisse Mocha", Dialect::v3, v2_a, v2_s)) << "its powder";
 }
 
 TEST(HalfSpaceAlbedo, IsThatOfASimulation) {

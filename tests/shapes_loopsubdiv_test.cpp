@@ -170,6 +170,7 @@ TEST(LoopSubdivision, TakesTheNameOfTheLevelsInV3) {
   add_ints(s, "levels", {2});
   Warnings warnings;
   EXPECT_EQ(std::get<TriangleMesh>(make_geometry(s, Dialect::v3, warnings)).triangles.size(), 320u);
+  EXPECT_EQ(std::get<TriangleMesh>(make_geometry(s, Dialect::v2, warnings)).triangles.size(), 80u) << "nlevels";
 }
 
 // Takes the loopsubdiv shapes of a scene.

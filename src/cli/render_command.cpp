@@ -150,7 +150,7 @@ int run_render(const RenderOptions& given, Interrupts& interrupts) {
   const RenderOutcome outcome = render(request, observer, interrupts);
   progress.finish();
 
-  const Image image = outcome.film->image(outcome.facts.settings.film.scale);
+  const Image image = developed(*outcome.film, outcome.facts.settings.film);
   try {
     write_image(output, image, outcome.film->frame(), {metadata(o, outcome), outcome.facts.camera_matrices}, channels(o, outcome));
   } catch (const std::runtime_error& e) {

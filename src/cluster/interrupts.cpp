@@ -3,6 +3,8 @@
 #include <pthread.h>
 #include <signal.h>
 
+#include <cstdlib>
+
 namespace cloudrenderer {
 namespace {
 
@@ -42,6 +44,8 @@ void Interrupts::wait() {
     const std::lock_guard lock(mutex_);
     if (stopping_) return;
     if (signal == SIGUSR2) continue;
+    // Asked a second time while nothing can be told of it, as when a scene is read.
+    if (seen_ && !handler_) std::_Exit(128 + signal);
     seen_ = true;
     if (handler_) handler_();
   }

@@ -281,7 +281,7 @@ class RenderRun {
     p.spp = samples_done();
     p.estimate = film.estimated_error(scale, looks());
     if (request_.reference)
-      p.relmse = compare_images(film.image(scale), *request_.reference).relmse;
+      p.relmse = compare_images(developed(film, facts_.settings.film), *request_.reference).relmse;
     convergence_.push_back(p);
     estimate_ = p.estimate;
     estimated_at_ = clock_.now();
@@ -376,13 +376,12 @@ class RenderRun {
     out.interrupted = interrupted_;
     out.estimate = out.film->estimated_error(out.facts.settings.film.scale, looks());
     if (convergence_.empty() || convergence_.back().spp < (adaptive() ? samples : out.spp_done)) {
-      const float scale = out.facts.settings.film.scale;
       ConvergencePoint last;
       last.render_s = p.render_ended - p.render_began;
       last.spp = adaptive() ? samples : out.spp_done;
       last.estimate = out.estimate;
       if (request_.reference)
-        last.relmse = compare_images(out.film->image(scale), *request_.reference).relmse;
+        last.relmse = compare_images(developed(*out.film, out.facts.settings.film), *request_.reference).relmse;
       convergence_.push_back(last);
     }
     // A time that was asked for, too, ends a render that has not reached its error.

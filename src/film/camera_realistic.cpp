@@ -9,8 +9,8 @@ namespace {
 
 class RealisticCamera final : public Camera {
  public:
-  RealisticCamera(const Transform& camera_to_world, const FilmFrame& frame, double diagonal, LensSystem lens, bool simple)
-      : to_world_(camera_to_world), lens_(std::move(lens)), simple_(simple) {
+  RealisticCamera(const Transform& camera_to_world, const FilmFrame& frame, double diagonal, LensSystem lens, bool simple, Shutter shutter)
+      : to_world_(camera_to_world), lens_(std::move(lens)), simple_(simple), open_(simple ? 1.0 : shutter.close - shutter.open) {
     const double width = frame.width, height = frame.height;
     pitch_ = diagonal / std::sqrt(width * width + height * height);
     half_ = glm::dvec2(width, height) * 0.5;
@@ -39,7 +39,7 @@ class RealisticCamera final : public Camera {
     }
     const double cosine = (rear - start).z / glm::length(rear - start), cosine2 = cosine * cosine;
     const double against = simple_ ? lens_.pupil(0).area() : lens_.rear_z() * lens_.rear_z();
-    out.weight = static_cast<float>(cosine2 * cosine2 * pupil.area() / against);
+    out.weight = static_cast<float>(open_ * cosine2 * cosine2 * pupil.area() / against);
     out.origin = to_world_.point(Vec3(through.origin));
     out.direction = glm::normalize(to_world_.vector(Vec3(glm::normalize(through.direction))));
     return out;
@@ -51,6 +51,7 @@ class RealisticCamera final : public Camera {
   Transform to_world_;
   LensSystem lens_;
   bool simple_;
+  double open_;  // how long the shutter is, where that counts
   double pitch_;  // of the film's pixels, metres
   glm::dvec2 half_;
   float spread_;
@@ -70,7 +71,8 @@ std::unique_ptr<Camera> realistic_camera(const CameraDesc& desc, const Transform
     throw SceneError(desc.location, "the film's \"diagonal\" must be above 0 millimetres");
   const double diagonal = film_diagonal * 1e-3;
   LensSystem lens(LensSystem::read(file, aperture, desc.location, warnings), focus, diagonal, desc.location);
-  return std::make_unique<RealisticCamera>(camera_to_world, frame, diagonal, std::move(lens), simple);
+  return std::make_unique<RealisticCamera>(camera_to_world, frame, diagonal, std::move(lens), simple,
+                                           desc.params.boolean("exposed", false) ? Shutter() : shutter_of(desc));
 }
 
 }  // namespace cloudrenderer

@@ -78,15 +78,24 @@ struct FilmOptions {
   std::string filename;                    // of the scene's Film directive
   float scale = 1;                         // v3 "scale"
   float max_sample_luminance = kInfinity;  // v3 "maxsampleluminance"
+  float max_component = kInfinity;         // v4 "maxcomponentvalue": of XYZ times scale
+  bool keeps_negative = false;             // v4; before it pixels are not below 0, which filters can make them
 };
 // Reads `Film` with pbrt's rounding of crop windows (ceil). Throws SceneError.
 FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings);
+
+// What a contribution is to be multiplied with because of max_component.
+float component_limit(const FilmOptions& film, const Rgb& c);
 
 // A picture, linear RGB, row by row.
 struct Image {
   std::uint32_t width = 0, height = 0;
   std::vector<Rgb> pixels;
 };
+
+class Film;
+// The picture that the scene's film asks for.
+Image developed(const Film& film, const FilmOptions& options);
 
 // The whole film on the manager. Not thread-safe.
 class Film {

@@ -66,11 +66,28 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
   if (v3) {
     out.scale = params.real("scale", 1.f);
     out.max_sample_luminance = params.real("maxsampleluminance", kInfinity);
+    out.max_component = params.real("maxcomponentvalue", kInfinity);
+    out.keeps_negative = params.boolean("keepsnegative", false);
     film_diagonal(film);  // the camera reads it
   }
   params.boolean("display", false);
   params.report_unused("Film \"" + film.type + "\"", warnings);
   return out;
+}
+
+Image developed(const Film& film, const FilmOptions& options) {
+  Image image = film.image(options.scale);
+  if (!options.keeps_negative)
+    for (Rgb& c : image.pixels) c = glm::max(c, Rgb(0.f));
+  return image;
+}
+
+float component_limit(const FilmOptions& film, const Rgb& c) {
+  // XYZ of linear sRGB (IEC 61966-2-1).
+  const float x = 0.412391f * c.x + 0.357584f * c.y + 0.180481f * c.z, y = 0.212639f * c.x + 0.715169f * c.y + 0.072192f * c.z,
+              z = 0.019331f * c.x + 0.119195f * c.y + 0.950532f * c.z;
+  const float largest = std::max(x, std::max(y, z)) * film.scale;
+  return largest > film.max_component ? film.max_component / largest : 1.f;
 }
 
 }  // namespace cloudrenderer

@@ -5,6 +5,7 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <string_view>
 
 namespace cloudrenderer {
@@ -40,6 +41,10 @@ class OpenedImage : public ImageReader {
 
 std::unique_ptr<ImageReader> open(const std::string& path, bool as_stored, std::string& why) {
   static constexpr auto kNotPictures = std::to_array<std::string_view>({"FFmpeg movie", "null", "openvdb", "term"});
+  if (std::error_code unknown; std::filesystem::exists(path, unknown) && !std::filesystem::is_regular_file(path, unknown)) {
+    why = "not a regular file";
+    return nullptr;
+  }
   OIIO::ImageSpec config;
   if (as_stored) config.attribute("oiio:UnassociatedAlpha", 1);
   auto file = OIIO::ImageInput::open(path, &config);

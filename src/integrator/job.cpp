@@ -28,7 +28,7 @@ std::uint32_t samples_per_pixel(const Entity& sampler, Dialect dialect, Warnings
                                            "02sequence", "zerotwosequence", "maxmindist", ""};
   if (!known.contains(sampler.type))
     warnings.add(sampler.location, "Sampler \"" + sampler.type + "\" is not known, using a scrambled Sobol sequence");
-  return positive(sampler, "pixelsamples", dialect == Dialect::v2 ? 4 : 16);
+  return positive(sampler, "pixelsamples", dialect == Dialect::v2 || sampler.type == "random" ? 4 : 16);
 }
 
 // Integrators that estimate what `path` estimates in another way.
@@ -131,6 +131,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     source = &*scene.renderer;
   }
   if (type.empty()) type = v2 ? "directlighting" : "path";
+  const std::string type_given = type;
   job.media = media_transport(scene, type, warnings);
   if (scene.volume_integrator) {
     job.media_step = scene.volume_integrator->params.real("stepsize", 1.f);
@@ -147,7 +148,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
       warnings.add(source->location, "caustics of lights without a size are missing where they are seen in mirrors or through glass");
     type = "path";
   }
-  const int scene_depth = source->params.integer("maxdepth", 5);
+  const int scene_depth = source->params.integer("maxdepth", type_given == "metropolis" ? 7 : 5);
   const int depth = overrides.max_depth ? static_cast<int>(*overrides.max_depth) : scene_depth;
   if (depth < 0 || depth > 1 << 16) throw SceneError(source->location, "maxdepth must be between 0 and 65536, got " + std::to_string(depth));
   const auto n = static_cast<std::uint32_t>(depth);
@@ -163,7 +164,11 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   } else if (type == "ambientocclusion" || type == "ao") {
     job.integrator = IntegratorKind::ambient_occlusion;
     job.light_vertices = 1;
-    job.ao_distance = source->params.real("maxdist", kInfinity);
+    // pbrt-v3 has no distance, and does not divide the sum of the cosines by pi.
+    if (!v2 && !source->params.boolean("divided", false))
+      job.film.scale *= kPi;
+    else
+      job.ao_distance = source->params.real("maxdist", kInfinity);
     job.ao_cosine = !v2 && source->params.boolean("cossample", true);
     // One occlusion ray a sample: the rays that the scene asks for become samples.
     const std::uint32_t rays = positive(*source, "nsamples", v2 ? 2048 : 64);

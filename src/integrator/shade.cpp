@@ -169,7 +169,9 @@ void PathTracer::Shader::occlusion(const SurfacePoint& p, const Vec3& offset, co
   const Vec2 u = sequence.get_pairs(0)[kDirection];
   const Vec3 w = Frame(n).to_world(tracer.job_.ao_cosine ? sample_cosine_hemisphere(u) : sample_uniform_hemisphere(u));
   ++out.counts.shadow;
-  if (OcclusionRay* const ray = shadow(s.throughput)) {
+  // pbrt-v2 counts what is not hidden, later ones its cosines.
+  const float cosine = tracer.dialect_ == Dialect::v2 || tracer.job_.ao_cosine ? 1.f : 2.f * glm::dot(w, n);
+  if (OcclusionRay* const ray = shadow(s.throughput * cosine)) {
     *ray = {ray_start(p.p, offset, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)};
     if (tracer.grids_) put_channel(*ray, tracer.channel_of(s));
   }
@@ -295,12 +297,14 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   SurfacePoint p = surface(s.origin, s.direction, hit, material, light, tracer.uv_);
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
 
-  if (tells_features() && !tracer.shading_->is_null(material)) tell_surface(hit, material, p);
-  if (job.integrator == IntegratorKind::ambient_occlusion) {
+  const bool is_null = tracer.shading_->is_null(material);
+  if (tells_features() && !is_null) tell_surface(hit, material, p);
+  const bool sees_light = job.integrator != IntegratorKind::ambient_occlusion;
+  if (!sees_light && !is_null) {
     occlusion(p, offset, SampleSequence(job.sequence, job.seed, s.pixel, s.sample));
     return;
   }
-  if (light != kNone) {
+  if (light != kNone && sees_light) {
     const Rgb radiance = tracer.lights_->emitted(light, p.ng, s.direction, hit.primitive, p.uv);
     if (!is_black(radiance)) {
       const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive, p.p, s.direction) : 0.f;
@@ -317,7 +321,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     interface = tracer.interfaces_[material];
     interface_ng = p.ng;
   }
-  if (tracer.shading_->is_null(material)) {
+  if (is_null) {
     // The surface is passed through. Where shadow rays do not pass it, light that a scattered ray finds behind it does
     // not count, as in pbrt's `path` (the two must agree): a density of 0 has no weight.
     const bool shadows_pass = tracer.null_surfaces_ && hit.part == 0;

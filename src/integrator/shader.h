@@ -181,6 +181,7 @@ struct PathTracer::Shader {
       const float y = luminance(c);
       if (y > limit) c *= limit / y;
     }
+    if (tracer.job_.film.max_component < kInfinity) c *= component_limit(tracer.job_.film, c);
     if (!is_finite(c)) {
       ++out.counts.invalid;
       end_flags |= kEndInvalid;
@@ -246,7 +247,7 @@ struct PathTracer::Shader {
   void escape();
   // Whether light counts that a path finds outside of the scene.
   bool finds_infinite(const PathSegment& s) const {
-    return tracer.infinite_lights_ && tracer.job_.integrator != IntegratorKind::ambient_occlusion &&
+    return tracer.infinite_lights_ && (tracer.job_.integrator != IntegratorKind::ambient_occlusion || tracer.dialect_ == Dialect::v2) &&
            (!(s.flags & kSpecularBounce) || s.vertex <= tracer.job_.emission_vertex);
   }
   // Whether light that the path finds comes by paths from lights as well: not what the camera sees lit directly.

@@ -106,7 +106,6 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
 
   const ShapeGeometry geometry = make_geometry(shape, scene.dialect, warnings_);
   std::uint32_t added = kNone;
-  // pbrt-v3 has masks on meshes only, v4 on every shape.
   row.alpha_texture = texture_index(shape, "alpha", scene);
   row.shadow_alpha_texture = texture_index(shape, "shadowalpha", scene);
   // A constant mask of 0 hides the shape altogether.

@@ -81,7 +81,12 @@ constexpr auto kParamSigns = std::to_array<ParamSign>({{"rgb", "reflectance", kV
                                                        {"bool", "twosided", kV3 | kV4},
                                                        {"bool", "remaproughness", kV3 | kV4},
                                                        {"float", "diagonal", kV3 | kV4},
-                                                       {"float", "maxsampleluminance", kV3}});
+                                                       {"float", "maxsampleluminance", kV3},
+                                                       {"float", "maxcomponentvalue", kV4},
+                                                       {"string", "normalmap", kV4},
+                                                       {"texture", "displacement", kV4}});
+// Of light sources, whose other parameters have these names elsewhere.
+constexpr auto kLightSigns = std::to_array<ParamSign>({{"string", "filename", kV4}, {"float", "scale", kV4}, {"float", "power", kV4}});
 
 class Detector {
  public:
@@ -90,7 +95,8 @@ class Detector {
   Dialect scan_all(const std::string& path) {
     try {
       paths_.check(path, {});
-      scan(path);
+      // The world of pbrt-v4 ends with the file.
+      if (!scan(path) && world_ && possible_ == (kV3 | kV4)) return Dialect::v4;
     } catch (const SceneError&) {  // what is wrong with a file, the parser says
     }
     if ((possible_ & kV2) != 0) return Dialect::v2;
@@ -124,6 +130,7 @@ class Detector {
 
   bool scan_text(const std::shared_ptr<const SourceText>& text, const std::string& path) {
     Lexer lexer(text);
+    bool of_light = false;
     for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) {
       if (t.kind == Token::Kind::open) lexer.skip_array();
       if (t.kind == Token::Kind::string) {
@@ -131,6 +138,8 @@ class Detector {
         const std::string_view param = take_word(rest), name = take_word(rest);
         for (const ParamSign& sign : kParamSigns)
           if (sign.type == param && (sign.name.empty() ? !name.empty() : sign.name == name)) narrow(sign.dialects);
+        for (const ParamSign& sign : kLightSigns)
+          if (of_light && sign.type == param && sign.name == name) narrow(sign.dialects);
         if (param == "string" && name == "type") {  // of a named material
           if (lexer.peek().kind == Token::Kind::open) lexer.next();
           if (lexer.peek().kind == Token::Kind::string) see("Material", lexer.peek().text);
@@ -138,6 +147,8 @@ class Detector {
       }
       if (t.kind == Token::Kind::word) {
         const bool has_type = lexer.peek().kind == Token::Kind::string;
+        of_light = t.text == "LightSource" || t.text == "AreaLightSource";
+        world_ = world_ || t.text == "WorldBegin";
         see(t.text, has_type ? lexer.peek().text : std::string_view{});
         if (!decided() && t.text == "Include" && has_type &&
             scan(paths_.find(Lexer::unescape(lexer.peek().text), path)))
@@ -153,6 +164,7 @@ class Detector {
   std::set<std::string> seen_;
   std::size_t depth_ = 0;
   unsigned possible_ = kV2 | kV3 | kV4;
+  bool world_ = false;  // WorldBegin was there
 };
 
 }  // namespace

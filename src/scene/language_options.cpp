@@ -15,7 +15,7 @@ constexpr std::string_view kPathNote = "rendered with path, which estimates the 
 constexpr std::string_view kCausticsNote = "rendered with path, and with paths from the lights for caustics (--light-paths)";
 
 // clang-format off
-#define V4_FILM "integer xresolution, integer yresolution, float cropwindow, integer pixelbounds, string filename, ~string sensor, float iso, float exposuretime, ~float whitebalance, ~float maxcomponentvalue, float diagonal, -bool savefp16"
+#define V4_FILM "integer xresolution, integer yresolution, float cropwindow, integer pixelbounds, string filename, ~string sensor, float iso, float exposuretime, ~float whitebalance, float maxcomponentvalue, float diagonal, -bool savefp16"
 #define SHUTTER "float shutteropen, float shutterclose"
 constexpr LanguageRow kRows[] = {
     {"Camera", "environment", kV23, kDone, SHUTTER ", -float frameaspectratio, -float screenwindow, -float lensradius, -float focaldistance, -float hither@v2, -float yon@v2", ""},
@@ -58,13 +58,12 @@ constexpr LanguageRow kRows[] = {
     {"SurfaceIntegrator", "exphotonmap", kInV2, kNear, "integer maxdepth, -integer causticphotons, -integer indirectphotons, -integer nused, -integer maxspeculardepth, -integer maxphotondepth, -bool finalgather, -integer finalgathersamples, -float maxdist, -float gatherangle", kCausticsNote},
     {"SurfaceIntegrator", "glossyprt", kInV2, kNear, "-integer lmax, -integer nsamples, -spectrum Kd, -spectrum Ks, -float roughness", kPathNote},
     {"SurfaceIntegrator", "igi", kInV2, kNear, "integer maxdepth, -integer nlights, -integer nsets, -float rrthreshold, -float glimit, -integer gathersamples", kPathNote},
-    {"SurfaceIntegrator", "irradiancecache", kInV2, kNear, "integer maxdepth, -integer maxspeculardepth, -integer maxindirectdepth, -float minweight, -float minpixelspacing, -float maxpixelspacing, -float maxangledifference, -integer nsamples", kPathNote},
+    {"SurfaceIntegrator", "irradiancecache", kInV2, kNear, "-integer maxspeculardepth, -integer maxindirectdepth, -float minweight, -float minpixelspacing, -float maxpixelspacing, -float maxangledifference, -integer nsamples", kPathNote},
     {"SurfaceIntegrator", "path", kInV2, kDone, "integer maxdepth", ""},
     {"SurfaceIntegrator", "photonmap", kInV2, kNear, "integer maxdepth, -integer causticphotons, -integer indirectphotons, -integer nused, -integer maxspeculardepth, -integer maxphotondepth, -bool finalgather, -integer finalgathersamples, -float maxdist, -float gatherangle", kCausticsNote},
     {"SurfaceIntegrator", "useprobes", kInV2, kNear, "-string filename", kPathNote},
     {"SurfaceIntegrator", "whitted", kInV2, kDone, "integer maxdepth", ""},
-    {"Integrator", "ambientocclusion", kInV3, kDone, "integer nsamples, bool cossample, float maxdist, -float pixelbounds", ""},
-    {"Integrator", "ao", kInV3, kDone, "integer nsamples, bool cossample, float maxdist, -float pixelbounds", ""},
+    {"Integrator", "ambientocclusion", kInV3, kDone, "integer nsamples, bool cossample, -integer pixelbounds", ""},
     {"Integrator", "bdpt", kInV3, kNear, "integer maxdepth, -bool visualizestrategies, -bool visualizeweights, -string lightsamplestrategy, -integer pixelbounds", kCausticsNote},
     {"Integrator", "directlighting", kInV3, kDone, "integer maxdepth, -string strategy, -integer pixelbounds", ""},
     {"Integrator", "mlt", kInV3, kNear, "integer maxdepth, -integer bootstrapsamples, -integer chains, -integer mutationsperpixel, -float largestepprobability, -float sigma", kCausticsNote},

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 
@@ -105,6 +106,7 @@ glm::ivec3 to_vec(const pnanovdb_coord_t& c) { return {c.x, c.y, c.z}; }
 
 std::optional<NanoVdb::Grid> NanoVdb::find(const std::string& path, const std::string& name, const FileLocation& where) {
   const auto fail = [&](const std::string& why) { return SceneError(where, path + ": " + why); };
+  if (std::error_code unknown; std::filesystem::exists(path, unknown) && !std::filesystem::is_regular_file(path, unknown)) throw fail("not a regular file");
   std::ifstream in(path, std::ios::binary);
   if (!in) throw fail("cannot be opened");
   FileHeader header;

@@ -54,6 +54,7 @@ void ParamTypes::check(std::string_view directive, Entity& e, Warnings& warnings
   // A texture's values are of its own kind.
   const bool texture = directive == "Texture", textures = texture || directive == "Material";
   std::vector<std::string> gone;
+  std::vector<std::pair<std::string, std::size_t>> shortened;
   for (const Param& p : e.params.all()) {
     const auto known = std::ranges::find_if(slot->second, [&](const LanguageParam& k) {
       return k.name == p.name && (k.dialects & dialect_bit(dialect_)) != 0;
@@ -65,10 +66,22 @@ void ParamTypes::check(std::string_view directive, Entity& e, Warnings& warnings
     else if (const std::size_t n = count_of(p); n != 1 && std::ranges::find(kLists, p.name) == kLists.end())
       what = "has " + std::to_string(n) + " values, not one";
     if (what.empty()) continue;
+    // pbrt-v3's materials look the value up as that of a texture, which takes the first.
+    const std::size_t first = p.type == ParamType::real ? 1 : p.type == ParamType::rgb ? 3 : 0;
+    if (dialect_ == Dialect::v3 && directive == "Material" && first != 0 && p.reals.size() > first && fits(known->type, p.type, true, false)) {
+      warnings.add(p.location, "parameter \"" + p.name + "\" " + what + ": the first is used, as in pbrt");
+      shortened.push_back({p.name, first});
+      continue;
+    }
     warnings.add(p.location, "parameter \"" + p.name + "\" " + what + ": ignored, as in pbrt");
     gone.push_back(p.name);
   }
   for (const std::string& name : gone) e.params.take(name);
+  for (const auto& [name, numbers] : shortened) {
+    Param p = *e.params.take(name);
+    p.reals = BulkArray<float>(std::vector<float>(p.reals.begin(), p.reals.begin() + static_cast<std::ptrdiff_t>(numbers)));
+    e.params.add(std::move(p));
+  }
 }
 
 }  // namespace cloudrenderer

@@ -109,6 +109,8 @@ SceneDescription Parser::parse() {
   }
   // Before pbrt-v4 the camera is made at the world's end, and stands in what is outside then.
   if (!is_v4()) builder_.scene().camera.medium = state_.outside;
+  place_early_instances();
+  if (is_v4()) v4_.expose(builder_.scene().camera, builder_.scene().film);
   builder_.finish(state_);
   return std::move(builder_.scene());
 }
@@ -258,12 +260,13 @@ void Parser::object_instance(const Token& t) {
   if (!in_world(t)) return;
   // Inside of an object it becomes part of that object, which pbrt does not allow.
   const auto found = objects_.find(name);
-  if (found == objects_.end()) {
-    builder_.warn_once(instance.location,
-                       "there is no object \"" + name + "\": its instances are ignored");
+  // In pbrt-v4 it may be defined later.
+  const bool later = found == objects_.end() && is_v4() && !open_object_;
+  if (found == objects_.end() && !later) {
+    warn_no_object(instance.location, name);
     return;
   }
-  instance.object = found->second;
+  if (!later) instance.object = found->second;
   instance.instance_to_world = to_transform(ctm_.start);
   if (!instance.instance_to_world.is_invertible()) {
     builder_.warn_once(instance.location,
@@ -271,7 +274,27 @@ void Parser::object_instance(const Token& t) {
     return;
   }
   instance.motion = motion(instance.location, "instance");
-  sink_.instance(instance, builder_.scene());
+  if (later)
+    early_instances_.emplace_back(name, instance);
+  else
+    sink_.instance(instance, builder_.scene());
+}
+
+void Parser::warn_no_object(const FileLocation& where, const std::string& name) {
+  builder_.warn_once(where, "there is no object \"" + name + "\": its instances are ignored");
+}
+
+void Parser::place_early_instances() {
+  for (auto& [name, instance] : early_instances_) {
+    const auto found = objects_.find(name);
+    if (found == objects_.end()) {
+      warn_no_object(instance.location, name);
+      continue;
+    }
+    instance.object = found->second;
+    sink_.instance(instance, builder_.scene());
+  }
+  early_instances_.clear();
 }
 
 bool Parser::in_world(const Token& t) {

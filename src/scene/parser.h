@@ -44,6 +44,8 @@ class Parser {
   void object_begin(const Token& t);
   void object_end(const Token& t);
   void object_instance(const Token& t);
+  void warn_no_object(const FileLocation& where, const std::string& name);
+  void place_early_instances();
   void close_object();
 
   // parser_directives.cpp: what has parameters
@@ -150,6 +152,7 @@ class Parser {
   std::vector<SavedTransform> saved_transforms_;
   std::map<std::string, Ctm> coordinate_systems_;
   std::map<std::string, ObjectId> objects_;
+  std::vector<std::pair<std::string, InstanceDesc>> early_instances_;  // of objects that were not there yet (pbrt-v4)
   std::uint32_t object_count_ = 0;
   ObjectId open_object_;
 };

@@ -107,6 +107,13 @@ void Parser::make_named_material(const Token& t) {
   for (const Param& p : e.params.all())
     if (p.name != "type") others.add(p);
   e.params = std::move(others);
+  // pbrt-v2 takes what is not given from the material that is set.
+  if (builder_.scene().dialect == Dialect::v2 && state_.material)
+    for (const Param& p : state_.material->entity.params.all())
+      if (!e.params.has(p.name)) {
+        e.params.add(p);
+        e.params.find(p.name)->used = true;
+      }
   if (is_v4()) {
     v4_.material(e);
     builder_.take_normal_map(state_, e);

@@ -161,7 +161,7 @@ ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity
     } else if (may_come_later) {
       p.strings[0] = later_texture(p.strings[0], wants_float);
     } else {
-      warn_no_texture(p, p.strings[0]);
+      warn_no_texture(state, p, p.strings[0]);
       continue;
     }
     out.add(std::move(p));
@@ -169,13 +169,20 @@ ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity
   return out;
 }
 
-const std::string* SceneBuilder::find_texture(const GraphicsState& state, const std::string& name, bool wants_float) {
+const std::string* SceneBuilder::find_texture(const GraphicsState& state, const std::string& name, bool wants_float) const {
   const std::string* as_float = state.float_textures.find(name);
   const std::string* as_spectrum = state.spectrum_textures.find(name);
-  return wants_float ? (as_float ? as_float : as_spectrum) : (as_spectrum ? as_spectrum : as_float);
+  const std::string* const own = wants_float ? as_float : as_spectrum;
+  return own || !is_v4_ ? own : wants_float ? as_spectrum : as_float;
 }
 
-void SceneBuilder::warn_no_texture(const Param& p, const std::string& name) {
+void SceneBuilder::warn_no_texture(const GraphicsState& state, const Param& p, const std::string& name) {
+  const bool is_float = state.float_textures.find(name) != nullptr;
+  if (is_float || state.spectrum_textures.find(name)) {
+    warn_once(p.location, std::string("the texture \"") + name + "\" is of type " + (is_float ? "float, not spectrum" : "spectrum, not float") +
+                              ": the parameter \"" + p.name + "\" is ignored, as in pbrt");
+    return;
+  }
   // In pbrt-v4 the parameter had another name in the file.
   warn_once(p.location, "there is no texture \"" + name + "\": the parameter " + (is_v4_ ? "" : '"' + p.name + "\" ") + "is ignored");
 }
@@ -322,7 +329,9 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
                                                             Entity entity, const DMat4& ctm,
                                                             bool is_named) {
   auto source = std::make_shared<MaterialSource>();
-  if (!contains(kMaterials, entity.type)) {
+  // What only pbrt-v2 has, pbrt-v3 does not know.
+  const bool v2_only = scene_.dialect == Dialect::v3 && !is_v4_ && (entity.type == "shinymetal" || entity.type == "measured");
+  if (v2_only || !contains(kMaterials, entity.type)) {
     warnings_.add(entity.location,
                   "the material \"" + entity.type + "\" is unknown: " + default_name() + " is used");
     entity.type = "matte";
@@ -411,6 +420,11 @@ MaterialId SceneBuilder::material_of(const GraphicsState& state, const ShapeDesc
 }
 
 void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
+  // Before pbrt-v4 meshes alone have masks.
+  if (!is_v4_ && shape.type != "trianglemesh" && shape.type != "plymesh")
+    for (const char* mask : {"alpha", "shadowalpha"})
+      if (const auto given = shape.params.take(mask))
+        warn_once(given->location, "Shape \"" + shape.type + "\" has no \"" + mask + "\" before pbrt-v4: ignored");
   // v2 looks the material's textures up in this scope together with the shape's, so they keep their
   // names till then.
   if (scene_.dialect == Dialect::v3) shape.params = resolve_textures(state, shape, std::nullopt);

@@ -55,12 +55,14 @@ class SceneBuilder {
   void warn_once(const FileLocation& where, const std::string& message);
 
  private:
+  // Integrators that know media let shadow rays pass surfaces without a material, media or not: they get a vacuum.
+  void let_shadows_pass();
   void check_room_for_media(const FileLocation& where) const;
   std::optional<GridDesc> put_medium(MediumId id, Entity entity, const DMat4& ctm);
   MaterialId material_of(const GraphicsState& state, const ShapeDesc& shape);
   MaterialId intern(const GraphicsState& state, MaterialSource& source, const ParamSet& overrides);
-  static const std::string* find_texture(const GraphicsState& state, const std::string& name, bool wants_float);
-  void warn_no_texture(const Param& p, const std::string& name);
+  const std::string* find_texture(const GraphicsState& state, const std::string& name, bool wants_float) const;
+  void warn_no_texture(const GraphicsState& state, const Param& p, const std::string& name);
   static std::string later_texture(const std::string& name, bool wants_float);
   void fulfil(MaterialSource& expected, const MaterialSource& made);
 

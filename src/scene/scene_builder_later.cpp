@@ -1,4 +1,6 @@
 // pbrt-v4: names are of the whole scene, and may be used before what they name is made.
+#include <algorithm>
+
 #include "scene/param_make.h"
 #include "scene/scene_builder.h"
 
@@ -69,7 +71,7 @@ void SceneBuilder::finish(const GraphicsState& state) {
         const std::string name = p.strings[0].substr(1);
         const std::string* found = find_texture(state, name, first == kLaterFloat);
         if (!found) {
-          warn_no_texture(p, name);
+          warn_no_texture(state, p, name);
           continue;
         }
         p.strings[0] = *found;
@@ -78,6 +80,18 @@ void SceneBuilder::finish(const GraphicsState& state) {
     }
     if (changed) material.params = std::move(known);
   }
+  let_shadows_pass();
+}
+
+void SceneBuilder::let_shadows_pass() {
+  const std::string& type = scene_.integrator.type;
+  if (scene_.dialect == Dialect::v2 || !scene_.media.empty() || (type != "volpath" && type != "bdpt" && type != "mlt")) return;
+  if (std::ranges::none_of(scene_.materials, [](const MaterialDesc& m) { return m.type == "none"; })) return;
+  MediumDesc vacuum;
+  vacuum.type = "homogeneous";
+  vacuum.location = scene_.integrator.location;
+  for (const char* name : {"sigma_a", "sigma_s"}) vacuum.params.add(make_rgb(name, Rgb(0.f), vacuum.location));
+  scene_.media.push_back(std::move(vacuum));
 }
 
 }  // namespace cloudrenderer

@@ -99,7 +99,7 @@ Result<std::shared_ptr<const SourceText>> SourceText::open(const std::string& pa
   const auto failure = [&](const std::string& why) {
     return Opened::failure("cannot read '" + path + "': " + why);
   };
-  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.fd < 0) return failure(std::generic_category().message(errno));
   struct stat info {};
   if (fstat(file.fd, &info) != 0) return failure(std::generic_category().message(errno));

@@ -10,6 +10,10 @@
 namespace cloudrenderer {
 
 void V4Translator::camera(Entity& e) const {
+  if (e.type == "realistic") {
+    e.params.add(make_bool("simpleweighting", false, e.location));
+    e.params.add(make_bool("exposed", true, e.location));  // the film counts the shutter
+  }
   if (e.type != "spherical") return;
   const std::string mapping = e.params.string("mapping", "equalarea");
   e.params.take("mapping");
@@ -31,12 +35,16 @@ void V4Translator::film(Entity& e) const {
     warn_(e.location, "the film's sensor \"" + sensor + "\" is taken for plain exposure");
   const float exposure = p.real("iso", 100.f) * p.real("exposuretime", 1.f) / 100.f;
   if (p.has("whitebalance")) warn_(e.location, "the film's white balance is ignored");
-  for (const char* name : {"sensor", "iso", "exposuretime", "whitebalance"}) p.take(name);
+  for (const char* name : {"sensor", "iso", "whitebalance"}) p.take(name);
   if (exposure != 1.f) p.add(make_real("scale", exposure, e.location));
-  p.rename("maxcomponentvalue", "maxsampleluminance");
+  p.add(make_bool("keepsnegative", true, e.location));
   if (const auto bounds = p.take("pixelbounds"); bounds && bounds->integers.size() == 4) {
     const float w = static_cast<float>(p.integer("xresolution", 1280)),
                 h = static_cast<float>(p.integer("yresolution", 720));
+    const auto covers = [&](std::size_t i, float size) {
+      return std::max(static_cast<float>(bounds->integers[i]), 0.f) < std::min(static_cast<float>(bounds->integers[i + 1]), size);
+    };
+    if (!covers(0, w) || !covers(2, h)) throw SceneError(bounds->location, "the pixel bounds are empty: they are x0 x1 y0 y1 of the film's pixels");
     // Both ends are rounded up to pixels.
     const auto at = [&](std::size_t i, float size) {
       return (static_cast<float>(bounds->integers[i]) - 0.5f) / size;
@@ -44,6 +52,13 @@ void V4Translator::film(Entity& e) const {
     p.add(make_reals(ParamType::real, "cropwindow", {at(0, w), at(1, w), at(2, h), at(3, h)},
                      bounds->location));
   }
+}
+
+void V4Translator::expose(const Entity& camera, Entity& film) const {
+  const float time = camera.params.real("shutterclose", 1.f) - camera.params.real("shutteropen", 0.f);
+  if (!(time > 0.f)) throw SceneError(camera.location, "the shutter does not open: shutterclose must be after shutteropen");
+  if (film.params.take("exposuretime") || time == 1.f) return;
+  film.params.add(make_real("scale", film.params.real("scale", 1.f) * time, film.location));
 }
 
 void V4Translator::sampler(Entity& e) const {
@@ -70,6 +85,7 @@ void V4Translator::integrator(Entity& e) const {
   if (e.type == "ao" || e.type == "ambientocclusion") {
     e.params.rename("maxdistance", "maxdist");
     e.params.add(make_integer("nsamples", 1, e.location));
+    e.params.add(make_bool("divided", true, e.location));  // by pi
   } else if (e.type == "simplepath" || e.type == "lightpath" || e.type == "randomwalk" ||
              e.type == "simplevolpath" || e.type == "function") {
     warn_(e.location, "integrator \"" + e.type +

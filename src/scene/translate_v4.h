@@ -18,6 +18,8 @@ class V4Translator {
 
   void camera(Entity& e) const;
   void film(Entity& e) const;
+  // When both are known: the time that the shutter is open, where the film has not one of its own (former versions). Throws SceneError.
+  void expose(const Entity& camera, Entity& film) const;
   void sampler(Entity& e) const;
   void pixel_filter(Entity& e) const;
   void integrator(Entity& e) const;

@@ -1,4 +1,7 @@
 // Materials and textures of pbrt-v4.
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
 #include <string>
 
 #include "scene/named_spectra.h"
@@ -60,6 +63,7 @@ void V4Translator::material(Entity& e) const {
   } else if (e.type == "diffuse") {
     e.type = "matte";
     p.rename("reflectance", "Kd");
+    p.add(make_bool("atmostone", true, e.location));
   } else if (e.type == "conductor") {
     conductor(e);
   } else if (e.type == "dielectric") {
@@ -76,6 +80,7 @@ void V4Translator::material(Entity& e) const {
     p.rename("transmittance", "transmit");
     p.add(make_rgb("Kd", Rgb(p.real("scale", 1.f)), e.location));
     p.add(make_rgb("Ks", Rgb(0.f), e.location));
+    p.add(make_bool("atmostone", true, e.location));
     p.take("scale");
   } else if (e.type == "coateddiffuse") {
     p.take("maxdepth");  // light between the layers is followed to its end
@@ -106,12 +111,22 @@ void V4Translator::material(Entity& e) const {
       throw SceneError(e.location, "mix needs \"string materials\" with two names");
     p.add(make_string("namedmaterial1", names->strings[1], names->location));
     p.add(make_string("namedmaterial2", names->strings[0], names->location));
+    p.add(make_bool("atmostone", true, e.location));
   }
 }
 
 void V4Translator::texture(Entity& e, DMat4& ctm) const {
   ParamSet& p = e.params;
-  if (e.type == "imagemap") p.add(make_bool("mean", true, e.location));
+  if (e.type == "imagemap") {
+    p.add(make_bool("mean", true, e.location));
+    // Other files than these have one encoding only, whatever is asked for.
+    std::string ending = std::filesystem::path(p.string("filename", "")).extension().string();
+    std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    if (ending != ".png") {
+      p.take("encoding");
+      p.add(make_bool("gamma", ending != ".exr" && ending != ".pfm" && ending != ".hdr", e.location));
+    }
+  }
   if (e.type == "fbm" || e.type == "windy" || e.type == "wrinkled" || e.type == "marble" ||
       (e.type == "checkerboard" && p.integer("dimension", 2) == 3)) {
     // v3 applies the transformation to the point, v4 its inverse.

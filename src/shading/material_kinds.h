@@ -98,6 +98,8 @@ std::unique_ptr<Material> make_hair(MaterialInputs&);
 std::unique_ptr<Material> make_subsurface(MaterialInputs&);
 std::unique_ptr<Material> make_kdsubsurface(MaterialInputs&);
 
+// pbrt-v4 lets diffuse surfaces reflect all at most, and a mix be of one at most.
+inline Rgb most_reflected(MaterialInputs& in) { return Rgb(in.params.params().boolean("atmostone", false) ? 1.f : kInfinity); }
 // No colour may be negative.
 inline Rgb positive(const Rgb& c) { return glm::max(c, Rgb(0.f)); }
 

@@ -10,10 +10,10 @@ namespace {
 // amount * first + (1 - amount) * second; both stand before the mix in the scene's list.
 class Mix final : public Material {
  public:
-  Mix(const MaterialRecord* first, const MaterialRecord* second, const TexturedRgb& amount)
-      : parts_{part(first), part(second)}, amount_(amount) {}
+  Mix(const MaterialRecord* first, const MaterialRecord* second, const TexturedRgb& amount, const Rgb& most)
+      : parts_{part(first), part(second)}, amount_(amount), most_(most) {}
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
-    const Rgb a = positive(amount_(at));
+    const Rgb a = glm::min(positive(amount_(at)), most_);
     add(parts_[0], a, at, out);
     add(parts_[1], positive(Rgb(1.f) - a), at, out);
   }
@@ -43,6 +43,7 @@ class Mix final : public Material {
 
   std::array<Part, 2> parts_;
   TexturedRgb amount_;
+  Rgb most_;
 };
 
 const MaterialRecord* mixed(MaterialInputs& in, std::string_view name) {
@@ -70,7 +71,7 @@ std::unique_ptr<Material> make_mix(MaterialInputs& in) {
   const MaterialRecord* a = mixed(in, "namedmaterial1");
   const MaterialRecord* b = mixed(in, "namedmaterial2");
   in.base = a;
-  return std::make_unique<Mix>(a, b, amount);
+  return std::make_unique<Mix>(a, b, amount, most_reflected(in));
 }
 
 }  // namespace cloudrenderer

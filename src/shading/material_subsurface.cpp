@@ -81,7 +81,7 @@ class ByCoefficients final : public SubsurfaceMaterial {
     const std::string name = in.params.params().string("name", "");
     const bool v2 = in.params.dialect() == Dialect::v2;
     if (!name.empty()) {
-      if (find_measured_medium(name, sigma_a, sigma_s))
+      if (find_measured_medium(name, in.params.dialect(), sigma_a, sigma_s))
         g_ = 0.f;
       else
         in.params.warn("there is no measured medium \"" + name + "\": the default is used");

@@ -11,13 +11,14 @@ class Translucent final : public Material {
         ks_(in.params.rgb("Ks", Rgb(0.25f))),
         reflect_(in.params.rgb("reflect", Rgb(0.5f))),
         transmit_(in.params.rgb("transmit", Rgb(0.5f))),
-        roughness_(Roughness::one(in, 0.1f)) {}
+        roughness_(Roughness::one(in, 0.1f)),
+        most_(most_reflected(in)) {}
 
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const Rgb r = positive(reflect_(at)), t = positive(transmit_(at)), kd = positive(kd_(at)),
               ks = positive(ks_(at));
-    if (!is_black(r * kd)) out.add(bsdf::lambert(r * kd));
-    if (!is_black(t * kd)) out.add(bsdf::lambert(t * kd, true));
+    if (!is_black(r * kd)) out.add(bsdf::lambert(glm::min(r * kd, most_)));
+    if (!is_black(t * kd)) out.add(bsdf::lambert(glm::min(t * kd, most_), true));
     if (is_black(ks) || (is_black(r) && is_black(t))) return;
     const bsdf::Microfacets m = roughness_(at);
     if (v3_) {
@@ -34,6 +35,7 @@ class Translucent final : public Material {
   bool v3_;
   TexturedRgb kd_, ks_, reflect_, transmit_;
   Roughness roughness_;
+  Rgb most_;
 };
 
 }  // namespace

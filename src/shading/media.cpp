@@ -229,7 +229,7 @@ Medium make_medium(const MediumDesc& desc, Dialect dialect, Warnings& warnings) 
     sigma_a = coefficient(desc, "default.sigma_a", {.0011f, .0024f, .014f});
     sigma_s = coefficient(desc, "default.sigma_s", {2.55f, 3.21f, 3.77f});
     const std::string preset = desc.params.string("preset", "");
-    if (!preset.empty() && !find_measured_medium(preset, sigma_a, sigma_s))
+    if (!preset.empty() && !find_measured_medium(preset, dialect, sigma_a, sigma_s))
       warnings.add(desc.location, "there is no measured medium \"" + preset + "\": the default is used");
     scale = desc.params.real("scale", 1.f);
   }

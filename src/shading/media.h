@@ -126,7 +126,7 @@ class Media {
   bool all_ = false;  // everywhere: pbrt-v2
 };
 
-// Coefficients per millimetre of what pbrt-v3 calls by name: sigma_a and reduced sigma_s. False: no such name.
-bool find_measured_medium(std::string_view name, Rgb& sigma_a, Rgb& sigma_s);
+// Coefficients per millimetre of what pbrt calls by name: sigma_a and reduced sigma_s. False: no such name.
+bool find_measured_medium(std::string_view name, Dialect dialect, Rgb& sigma_a, Rgb& sigma_s);
 
 }  // namespace cloudrenderer

@@ -35,7 +35,7 @@ ShapeGeometry make_loopsubdiv(const ShapeDesc& shape, Dialect dialect, Warnings&
   for (const char* name : {"indices", "P"})
     if (!params.has(name))
       throw SceneError(shape.location, fmt::format("a loopsubdiv needs \"{}\"", name));
-  const char* levels_name = params.has("levels") ? "levels" : "nlevels";
+  const char* levels_name = dialect == Dialect::v3 && params.has("levels") ? "levels" : "nlevels";
   const int levels = params.integer(levels_name, 3);
   params.string("scheme", "loop");
   const BulkArray<float> positions = params.reals("P");

@@ -66,7 +66,7 @@ void Hub::take_picture(const RenderView& view, Time now) {
   const Time began = std::chrono::steady_clock::now();
   const Film& film = view.core.film();
   auto picture = std::make_shared<Picture>();
-  picture->image = film.image(view.facts.settings.film.scale);
+  picture->image = developed(film, view.facts.settings.film);
   picture->frame = film.frame();
   picture->spp = static_cast<double>(view.progress.paths_done) / static_cast<double>(film.frame().pixels());
   const auto took = std::chrono::steady_clock::now() - began;
