@@ -35,6 +35,21 @@ TEST(Materials, EqualOnesAreOne) {
   }
 }
 
+TEST(Materials, OfV2TakeTheValueWhereThereIsNoSuchTexture) {
+  for (const char* both : {"\"rgb Kd\" [.7 .6 .5] \"texture Kd\" \"none\"", "\"texture Kd\" \"none\" \"rgb Kd\" [.7 .6 .5]"}) {
+    const std::string text = std::string("Material \"matte\" ") + both + " Shape \"a\"";
+    const ParsedScene v2 = world(text, Dialect::v2), v3 = world(text, Dialect::v3);
+    EXPECT_EQ(material_of(v2, 0).params.rgb("Kd", Rgb(0.f)), Rgb(.7f, .6f, .5f));
+    EXPECT_FALSE(material_of(v3, 0).params.has("Kd"));
+  }
+}
+
+TEST(Materials, OfV2NamedOnesTakeTheRestFromTheOneThatIsSet) {
+  const std::string text = "Material \"plastic\" \"rgb Kd\" [.7 .6 .5] MakeNamedMaterial \"n\" \"string type\" \"matte\" NamedMaterial \"n\" Shape \"a\"";
+  EXPECT_EQ(material_of(world(text, Dialect::v2), 0).params.rgb("Kd", Rgb(0.f)), Rgb(.7f, .6f, .5f));
+  EXPECT_FALSE(material_of(world(text, Dialect::v3), 0).params.has("Kd"));
+}
+
 TEST(Materials, BelongToTheirBlock) {
   for (const Dialect d : kBoth) {
     const ParsedScene p = world(

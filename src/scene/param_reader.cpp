@@ -94,9 +94,16 @@ void ParamReader::read_more(Lexer& lexer, ParamSet& out, bool reads_files) {
                        "more than " + std::to_string(kMostParams) + " parameters");
     std::optional<Param> p = read_one(lexer, reads_files);
     if (!p) continue;
-    // Before pbrt-v4 a texture counts, whatever else has its name.
+    // Before pbrt-v4 a texture counts, whatever else has its name; in pbrt-v2 the value does where there is no such texture.
     const Param* const there = dialect_ == Dialect::v4 ? nullptr : out.find(p->name);
-    if (!there || there->type != ParamType::texture || p->type == ParamType::texture) out.add(std::move(*p));
+    if (there && dialect_ == Dialect::v2 && (there->type == ParamType::texture) != (p->type == ParamType::texture)) {
+      Param texture = there->type == ParamType::texture ? *there : *p;
+      const Param& value = there->type == ParamType::texture ? *p : *there;
+      if (value.type == ParamType::rgb || value.type == ParamType::real) texture.reals = value.reals;
+      out.add(std::move(texture));
+    } else if (!there || there->type != ParamType::texture || p->type == ParamType::texture) {
+      out.add(std::move(*p));
+    }
   }
 }
 

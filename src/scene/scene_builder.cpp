@@ -162,7 +162,9 @@ ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity
       p.strings[0] = later_texture(p.strings[0], wants_float);
     } else {
       warn_no_texture(state, p, p.strings[0]);
-      continue;
+      if (p.reals.empty()) continue;
+      p.type = p.reals.size() % 3 == 0 ? ParamType::rgb : ParamType::real;  // ParamReader::read_more
+      p.strings.clear();
     }
     out.add(std::move(p));
   }
