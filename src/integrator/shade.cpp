@@ -248,6 +248,11 @@ void PathTracer::Shader::ask_for_light(const ScatterResults& r, std::size_t lane
   const float* const row = r.rows[lane];
   ++out.counts.shadow;
   static_assert(sizeof(OcclusionRay) == (R::light_distance + 1 - R::light_origin) * sizeof(float));
+  if (r.quantised >> lane & 1u) {
+    shadows.lights.emplace_back().contribution = r.fixed(lane);
+    std::memcpy(static_cast<void*>(&shadows.rays.emplace_back()), row + R::light_origin, sizeof(OcclusionRay));
+    return;
+  }
   Vec3 light = r.get(R::light, lane);
   if (tracer.media_) light *= shadow_transmittance(r.get(R::light_origin, lane), r.get(R::light_direction, lane), row[R::light_distance]);
   if (OcclusionRay* const ray = shadow(light)) {
@@ -373,6 +378,7 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   Shader shader{*this, *set, out, shadows, batch.surfaces};
   EightShader eight(shader, batch);
   if (!media_) shader.eight = &eight;
+  shader.plain_light = !media_ && !motion_ && !(job_.film.max_sample_luminance < kInfinity) && !(job_.film.max_component < kInfinity);
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const std::uint32_t part = batch.hits[i].part;
     if (part < kAnsweredPart && !set->has(part)) {

@@ -171,7 +171,8 @@ void PathTracer::EightShader::shade(Waiting& w) {
   bsdf.add(std::span<const LobeOf<Float8>>(w.lobes.data(), static_cast<std::size_t>(w.lobe_count)));
   bsdf.finish(v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << w.count) - 1u), v);
-  const ScatterResults results(v);
+  ScatterResults results(v);
+  if (results.asks && shader_.plain_light) results.quantise_light(v.light, shader_.tracer.fixed_units_);
   for (std::size_t lane = 0; lane < w.count; ++lane) {
     const std::size_t i = w.segments[lane];
     shader_.resume(batch_.segments[i], w.end_flags[lane]);
@@ -257,7 +258,8 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
 
-  const ScatterResults results(v);
+  ScatterResults results(v);
+  if (results.asks && shader_.plain_light) results.quantise_light(v.light, shader_.tracer.fixed_units_);
   for (std::size_t lane = 0; lane < group.count; ++lane) {
     const std::size_t i = group.segments[lane];
     shader_.begin(batch_.segments[i]);

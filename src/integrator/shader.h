@@ -1,7 +1,9 @@
 #pragma once
 // Inside src/integrator only: what shading a batch is made of.
 #include <algorithm>
+#include <bit>
 #include <cstddef>
+#include <cstring>
 #include <type_traits>
 
 #include "integrator/path_tracer.h"
@@ -116,7 +118,30 @@ struct ScatterResults {
   }
   Vec3 get(Column c, std::size_t lane) const { return {rows[lane][c], rows[lane][c + 1], rows[lane][c + 2]}; }
 
+  // The light of all lanes in fixed point, of those whose bit is set in `quantised`: not of black, clamped or invalid light.
+  std::uint32_t quantised = 0;
+  Fixed3 fixed(std::size_t lane) const { return {columns_[0][lane], columns_[1][lane], columns_[2][lane]}; }
+  // As quantise() with these units, a power of two.
+  void quantise_light(const Vec3x8& c, double units) {
+    using Doubles4 = double __attribute__((vector_size(32)));
+    using Longs4 = std::int64_t __attribute__((vector_size(32)));
+    // What is smaller than 2^51 is rounded to an integer, ties to even, when this is added.
+    constexpr double kInteger = 0x1.8p52;
+    const Float8 largest = lanes::max(lanes::abs(c.x), lanes::max(lanes::abs(c.y), lanes::abs(c.z)));
+    const Float8 sum = lanes::abs(c.x) + lanes::abs(c.y) + lanes::abs(c.z);  // max() may pass over a NaN
+    quantised = lanes::to_bits(sum > 0.f && largest < static_cast<float>(0x1p51 / units));
+    for (int channel = 0; channel < 3; ++channel)
+      for (std::size_t half = 0; half < 2; ++half) {
+        Floats4 four;
+        std::memcpy(&four, reinterpret_cast<const float*>(&c[channel].v) + 4 * half, sizeof four);
+        const Doubles4 rounded = __builtin_convertvector(four, Doubles4) * units + kInteger;
+        const Longs4 integers = reinterpret_cast<Longs4>(rounded) - std::bit_cast<std::int64_t>(kInteger);
+        std::memcpy(&columns_[static_cast<std::size_t>(channel)][4 * half], &integers, sizeof integers);
+      }
+  }
+
  private:
+  alignas(32) std::int64_t columns_[3][kLanes];
   // Eight columns from `first` on.
   template <class F, class... Numbers>
   void keep(std::size_t first, const Numbers&... of) {
@@ -150,6 +175,7 @@ struct PathTracer::Shader {
   Shadows& shadows;
   const std::vector<AnsweredSurface>& answered;  // of the batch
   EightShader* eight = nullptr;  // takes vertices that can wait for others
+  bool plain_light = false;      // what arrives is neither limited nor attenuated, and shadow rays have no times
 
   // The path under work, in its batch.
   PathSegment* path = nullptr;
