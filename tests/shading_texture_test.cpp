@@ -162,6 +162,29 @@ TEST_F(Textures, AnisotropicFilterKeepsWhatVariesAcrossTheFootprint) {
   expect_near(eval(t, p), Rgb(1.f), 0.02f);
 }
 
+TEST_F(Textures, LevelsAndTexelsAreThoseOfTheFilter) {
+  std::vector<std::uint8_t> stripes;
+  for (int i = 0; i < 64 * 64; ++i) stripes.insert(stripes.end(), 3, i % 64 / 4 & 1 ? 255 : 0);
+  ImageStore store(1 << 20);
+  const ImagePyramid* image = store.get(write("stripes.png", 64, 64, 3, stripes), {}, {});
+  ImageFilter filter;
+  // Four texels wide: level 2, a texel a stripe; twice as wide level 3, which is grey.
+  const Vec2 x(4.f / 64, 0), y(0, 4.f / 64);
+  for (const auto kind : {ImageFilter::Kind::trilinear, ImageFilter::Kind::bilinear, ImageFilter::Kind::point}) {
+    filter.kind = kind;
+    filter.widths = 1;
+    expect_near(image->lookup({6.f / 64, 0.5f}, x, y, filter), Rgb(1.f), 1e-3f);
+    filter.widths = 2;
+    expect_near(image->lookup({6.f / 64, 0.5f}, x, y, filter), Rgb(0.5f), 1e-2f);
+  }
+  // At the border of two stripes both count, or the nearer one.
+  filter.kind = ImageFilter::Kind::bilinear;
+  expect_near(image->lookup({4.f / 64, 0.5f}, Vec2(0.f), Vec2(0.f), filter), Rgb(0.5f), 1e-2f);
+  filter.kind = ImageFilter::Kind::point;
+  expect_near(image->lookup({3.9f / 64, 0.5f}, Vec2(0.f), Vec2(0.f), filter), Rgb(0.f), 1e-6f);
+  expect_near(image->lookup({4.1f / 64, 0.5f}, Vec2(0.f), Vec2(0.f), filter), Rgb(1.f), 1e-6f);
+}
+
 TEST_F(Textures, PagedImagesGiveTheSameBits) {
   std::vector<float> noise;
   for (int i = 0; i < 37 * 23 * 3; ++i)
@@ -187,10 +210,10 @@ TEST_F(Textures, HostileCoordinatesGiveFiniteValues) {
   const ImagePyramid* image = store.get(path, {}, {});
   const float huge = 3e38f, nan = std::nanf("");
   for (const WrapMode wrap : {WrapMode::repeat, WrapMode::black, WrapMode::clamp})
-    for (const bool trilinear : {false, true})
+    for (const auto kind : {ImageFilter::Kind::ellipse, ImageFilter::Kind::trilinear, ImageFilter::Kind::bilinear, ImageFilter::Kind::point})
       for (const float s : {0.f, huge, -huge, nan, kInfinity, 1e-38f})
         for (const float d : {0.f, huge, -huge, nan, kInfinity, 1e-38f, 0.1f}) {
-          const ImageFilter filter{wrap, trilinear, 8.f};
+          const ImageFilter filter{wrap, kind, 2.f, 8.f};
           EXPECT_TRUE(is_finite(image->lookup({s, s}, {d, 0.f}, {0.3f, d}, filter)));
           EXPECT_TRUE(is_finite(image->lookup({s, 0.3f}, {d, d}, {d, d}, filter)));
         }

@@ -145,7 +145,7 @@ void PathTracer::Shader::light_vertex(const Hit& hit) {
     change = f * (bends / sample.pdf);
     if (first) {
       // As in direct().
-      const Vec3 side = lit_side<float>(seen, p.ns, p.ng, sample.wi);
+      const Vec3 side = lit_side<float>(seen, p.ns, seen.ng(), sample.wi);
       const float by_sample = tracer.lights_->pdf_of(light_before, ray_start(p.p, offset, p.ng, is_black(side) ? sample.wi : side), side);
       ratio = emission * sample.pdf / (bends * (light_before.found ? pdf : by_sample));
       sampled = light_before.found ? (by_sample / pdf) * (by_sample / pdf) : 0.f;

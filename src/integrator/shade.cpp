@@ -223,7 +223,7 @@ void PathTracer::Shader::thin_out(ScatterOf<F>& v) const {
 
 template <class F>
 void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const {
-  v.side = lit_side(bsdf, v.ns, v.ng, v.wo);
+  v.side = lit_side(bsdf, v.ns, bsdf.ng(), v.wo);
   if (bsdf.has_smooth() && !tracer.lights_->empty()) direct(bsdf, active, v);
   BsdfSampleOf<F> sample;
   v.goes_on = active && bsdf.sample(v.wo, v.numbers[kLobeAndRoulette].x, v.numbers[kDirection], sample);

@@ -142,6 +142,7 @@ bool PathTracer::EightShader::take(const Bsdf& bsdf, const SurfacePoint& p, cons
   w.at.put(9, lane, bsdf.frame().s);
   w.at.put(12, lane, bsdf.frame().t);
   w.at.put(15, lane, bsdf.frame().n);
+  w.at.put(18, lane, bsdf.ng());
   for (int i = 0; i < count; ++i) {
     LobeOf<Float8>& lobe = w.lobes[static_cast<std::size_t>(i)];
     // All lanes by the first, so that those stay of use that get no vertex.
@@ -167,7 +168,7 @@ void PathTracer::EightShader::shade(Waiting& w) {
   v.offset = w.at.three(6);
   v.ns = w.at.three(15);
   bring(w.segments, v);
-  Bsdf8 bsdf(FrameOf<Float8>(w.at.three(9), w.at.three(12), v.ns), v.ng);
+  Bsdf8 bsdf(FrameOf<Float8>(w.at.three(9), w.at.three(12), v.ns), w.at.three(18));
   bsdf.add(std::span<const LobeOf<Float8>>(w.lobes.data(), static_cast<std::size_t>(w.lobe_count)));
   bsdf.finish(v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << w.count) - 1u), v);

@@ -364,7 +364,7 @@ class PathTracer::EightShader {
     std::size_t count = 0;
     std::array<std::size_t, kLanes> segments;
     std::array<std::uint16_t, kLanes> end_flags;
-    Columns<18> at;  // p, ng, offset, frame
+    Columns<21> at;  // p, ng, offset, frame, the normal that decides the sides
     std::array<LobeOf<Float8>, Bsdf8::kMaxLobes> lobes;
   };
   // Paths that have left the scene, where light comes from: of light samples' other half, and seen directly.

@@ -17,7 +17,7 @@ constexpr LanguageRow kRows[] = {
     {"Texture", "dots", kInAll, kDone, "spectrum inside, spectrum outside, " MAPPING_2D, ""},
     {"Texture", "fbm", kInAll, kDone, "integer octaves, float roughness", ""},
     {"Texture", "directionmix", kInV4, kDone, "spectrum tex1, spectrum tex2, vector dir", ""},
-    {"Texture", "imagemap", kInV4, kDone, "string filename, string wrap, float maxanisotropy, string filter, float scale, bool invert, string encoding, " MAPPING_2D, "filter: the footprint's own, but for trilinear"},
+    {"Texture", "imagemap", kInV4, kDone, "string filename, string wrap, float maxanisotropy, string filter, float scale, bool invert, string encoding, " MAPPING_2D, ""},
     {"Texture", "imagemap", kV23, kDone, "string filename, string wrap, float maxanisotropy, bool trilinear, float scale, float gamma@v2, bool gamma@v3, " MAPPING_2D, "formats that OpenImageIO reads"},
     {"Texture", "marble", kInAll, kDone, "integer octaves, float roughness, float scale, float variation", ""},
     {"Texture", "mix", kInAll, kDone, "spectrum tex1, spectrum tex2, float amount", ""},

@@ -253,6 +253,7 @@ std::vector<std::string> ParamReader::strings(Lexer& lexer) {
 }
 
 Rgb ParamReader::from_samples(SampledSpectrum samples) const {
+  samples.ends = dialect_ == Dialect::v4;
   if (dialect_ != Dialect::v4) return spectrum_to_rgb(std::move(samples), dialect_);
   return use_ == SpectrumUse::light ? illuminant_to_rgb(std::move(samples))
                                     : reflectance_to_rgb(std::move(samples));

@@ -31,6 +31,7 @@ void sort_by_wavelength(SampledSpectrum& s) {
 }
 
 double value_at(const SampledSpectrum& s, double wavelength) {
+  if (s.ends && (wavelength < s.wavelengths.front() || wavelength > s.wavelengths.back())) return 0;
   if (wavelength <= s.wavelengths.front()) return s.values.front();
   if (wavelength >= s.wavelengths.back()) return s.values.back();
   const auto above = std::upper_bound(s.wavelengths.begin(), s.wavelengths.end(), wavelength);
@@ -83,11 +84,16 @@ Rgb spectrum_to_rgb(SampledSpectrum spectrum, Dialect dialect) {
   return observe([&](double wavelength) { return value_at(spectrum, wavelength); }, dialect);
 }
 
+bool SampledSpectrum::covers_all() const {
+  const auto [least, most] = std::minmax_element(wavelengths.begin(), wavelengths.end());
+  return *least <= 360 && *most >= 830;
+}
+
 Rgb reflectance_to_rgb(SampledSpectrum spectrum) {
   if (spectrum.wavelengths.empty()) return Rgb(0.f);
   // Grey exactly: media with the same rate in all channels cost less.
   const auto& v = spectrum.values;
-  if (std::all_of(v.begin(), v.end(), [&](double x) { return x == v.front(); })) return Rgb(static_cast<float>(v.front()));
+  if ((!spectrum.ends || spectrum.covers_all()) && std::all_of(v.begin(), v.end(), [&](double x) { return x == v.front(); })) return Rgb(static_cast<float>(v.front()));
   sort_by_wavelength(spectrum);
   static const float white = luminance(observe(d65, Dialect::v2));
   return observe([&](double w) { return value_at(spectrum, w) * d65(w); }, Dialect::v2) / white;

@@ -12,6 +12,8 @@ namespace cloudrenderer {
 // A sampled spectrum: wavelengths in nanometres and values.
 struct SampledSpectrum {
   std::vector<double> wavelengths, values;
+  bool ends = false;  // nothing beyond the first and last: what files and scenes of pbrt-v4 give
+  bool covers_all() const;  // that an observer sees
 };
 
 // CIE XYZ to linear RGB with Rec. 709 primaries and a D65 white, the matrix that pbrt uses.

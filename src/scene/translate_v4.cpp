@@ -176,6 +176,7 @@ void V4Translator::medium(Entity& e) const {
 
 void V4Translator::area_light(Entity& e) const {
   if (e.params.has("filename")) e.params.add(make_bool("srgb", true, e.location));
+  if (const float scale = e.params.real("scale", 1.f); scale != 1.f) e.params.add(make_rgb("scale", Rgb(scale), e.location));
 }
 
 }  // namespace cloudrenderer

@@ -92,6 +92,7 @@ void V4Translator::material(Entity& e) const {
     copper(e, "conductor.");
     roughness(e, 0.f, {"interface.", "conductor."});
   } else if (e.type == "hair") {
+    p.add(make_bool("tiltsout", true, e.location));
     if (p.has("reflectance")) p.take("color");  // its former name
     p.rename("reflectance", "color");
   } else if (e.type == "measured") {
@@ -106,6 +107,8 @@ void V4Translator::material(Entity& e) const {
     p.take("roughnessmap");
   } else if (e.type == "mix") {
     // v4's amount is the share of the second one.
+    if (const Param* amount = p.find("amount"); amount && amount->type == ParamType::real)
+      p.add(make_rgb("amount", Rgb(p.real("amount", 0.5f)), e.location));
     auto names = p.take("materials");
     if (!names || names->type != ParamType::string || names->strings.size() != 2)
       throw SceneError(e.location, "mix needs \"string materials\" with two names");
@@ -117,6 +120,7 @@ void V4Translator::material(Entity& e) const {
 
 void V4Translator::texture(Entity& e, DMat4& ctm) const {
   ParamSet& p = e.params;
+  if (p.string("mapping", "uv") == "cylindrical") p.add(make_bool("byheight", true, e.location));
   if (e.type == "imagemap") {
     p.add(make_bool("mean", true, e.location));
     // Other files than these have one encoding only, whatever is asked for.

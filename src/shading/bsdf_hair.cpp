@@ -68,7 +68,14 @@ struct View {
   double y, z;  // wo's direction around the hair
   double gamma_o, gamma_t, scale;
   std::array<double, kLast + 1> variance;
-  std::array<Inclination, kLast + 1> tilt;  // of wi, before the lobe is evaluated
+  std::array<Inclination, kLast + 1> tilt;  // of wi, before the lobe is evaluated; of wo the other way
+  bool tilts_out;
+  // wo as lobe p takes it.
+  Inclination out(std::size_t p) const {
+    if (!tilts_out) return o;
+    const Inclination turned = o.turned(tilt[p].back());
+    return {turned.sine, std::fabs(turned.cosine)};
+  }
   std::array<Rgb, kLast + 1> attenuation;
   std::array<double, kLast + 1> chance;
 };
@@ -102,6 +109,7 @@ View::View(const Lobe& l, const Vec3& wo) {
   variance = {v, 0.25 * v, 4 * v, 4 * v};
   const Inclination once{static_cast<double>(l.alpha_x), static_cast<double>(l.alpha_y)}, twice = once.turned(once);
   tilt = {twice, once.back(), twice.turned(twice).back(), {0, 1}};
+  tilts_out = l.eta.y != 0.f;
 }
 
 }  // namespace
@@ -113,7 +121,7 @@ Lobe hair(const HairFiber& fiber) {
   l.transmits = true;
   l.scale = Rgb(1.f);
   l.scale2 = fiber.sigma_a;
-  l.eta = Rgb(in(fiber.eta, 1e-3f, 1e3f), 1.f, 1.f);
+  l.eta = Rgb(in(fiber.eta, 1e-3f, 1e3f), fiber.tilts_out ? 1.f : 0.f, 1.f);
   const auto power = [](float x, int n) {
     float r = 1.f;
     for (; n > 0; --n) r *= x;
@@ -153,8 +161,8 @@ Rgb hair_value(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf) {
   Rgb sum(0.f);
   double density = 0;
   for (std::size_t p = 0; p <= kLast; ++p) {
-    const Inclination t = i.turned(view.tilt[p]);
-    const double m = along({t.sine, std::fabs(t.cosine)}, view.o, view.variance[p]) *
+    const Inclination t = view.tilts_out ? i : i.turned(view.tilt[p]);
+    const double m = along({t.sine, std::fabs(t.cosine)}, view.out(p), view.variance[p]) *
                      (p < kLast ? view.around(p, phi) : 0.5 / kPiDouble);
     sum += view.attenuation[p] * static_cast<float>(m);
     // The tilt stretches solid angles, and no sample comes over the end of the hair.
@@ -176,10 +184,11 @@ bool sample_hair(const Lobe& l, const Vec3& wo, float u, const Vec2& u2, Vec3& w
   const double cosine = std::max(-1.0, 1 + v * portable::log(std::max(from + (1 - from) * e, 1e-300)));
   float s, c;
   portable::sincos_turn(u2.y, s, c);
-  Inclination i{-cosine * view.o.sine + safe_root(1 - square(cosine)) * static_cast<double>(c) * view.o.cosine, 0};
+  const Inclination o = view.out(p);
+  Inclination i{-cosine * o.sine + safe_root(1 - square(cosine)) * static_cast<double>(c) * o.cosine, 0};
   i.sine = std::clamp(i.sine, -1.0, 1.0);
   i.cosine = safe_root(1 - square(i.sine));
-  i = i.turned(view.tilt[p].back());
+  if (!view.tilts_out) i = i.turned(view.tilt[p].back());
   if (!(i.cosine > 0)) return false;
   const double phi = view.sample_around(p, rest);
   const double ci = portable::cos(phi), si = portable::sin(phi);

@@ -12,6 +12,7 @@ struct HairFiber {
   Rgb sigma_a;           // per radius
   float beta_m, beta_n;  // roughness along and around
   float alpha;           // tilt of the scales, degrees
+  bool tilts_out = false;  // pbrt-v4 tilts the direction that light leaves in, the other way; before it the one that it comes from
 };
 Lobe hair(const HairFiber& fiber);
 

@@ -35,7 +35,7 @@ class Disney final : public Material {
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const Rgb color = positive(color_(at));
     const float metallic = share(metallic_(at)), transmission = share(transmission_(at)), rough = share(roughness_(at));
-    const float diffuse = (1.f - metallic) * (1.f - transmission), through = 0.5f * share(diffuse_transmission_(at));
+    const float diffuse = (1.f - metallic) * (1.f - transmission), through = share(0.5f * diffuse_transmission_(at));  // 2 is all
     const float light = luminance(color);
     const Rgb tint = light > 0.f ? color / light : Rgb(1.f);
     const float eta = eta_(at);

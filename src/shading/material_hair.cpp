@@ -11,7 +11,8 @@ class Hair final : public Material {
       : eta_(in.params.real("eta", 1.55f)),
         beta_m_(in.params.real("beta_m", 0.3f)),
         beta_n_(in.params.real("beta_n", 0.3f)),
-        alpha_(in.params.real("alpha", 2.f)) {
+        alpha_(in.params.real("alpha", 2.f)),
+        tilts_out_(in.params.params().boolean("tiltsout", false)) {
     const auto given = [&](const char* name) { return in.params.params().find(name) != nullptr; };
     if (given("sigma_a")) {
       source_ = Source::absorption;
@@ -33,7 +34,7 @@ class Hair final : public Material {
 
   void add_lobes(const TexturePoint& at, LobeSink& out) const override {
     const float n = beta_n_(at);
-    out.add(bsdf::hair({2.f * at.uv.y - 1.f, eta_(at), absorption(at, n), beta_m_(at), n, alpha_(at)}));
+    out.add(bsdf::hair({2.f * at.uv.y - 1.f, eta_(at), absorption(at, n), beta_m_(at), n, alpha_(at), tilts_out_}));
   }
 
  private:
@@ -53,6 +54,7 @@ class Hair final : public Material {
   }
 
   TexturedFloat eta_, beta_m_, beta_n_, alpha_;
+  bool tilts_out_;
   Source source_ = Source::pigments;
   TexturedRgb rgb_;
   TexturedFloat eumelanin_, pheomelanin_;

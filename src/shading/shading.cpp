@@ -95,7 +95,8 @@ class SceneShading final : public Shading {
   SceneShading(const SceneDescription& scene, const Options& options, Warnings& warnings)
       : textures_(scene, options.texture_budget, warnings),
         records_(build_materials(scene, textures_, measured_, warnings)),
-        bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f) {
+        bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f),
+        by_shading_normals_(scene.film.params.boolean("keepsnegative", false)) {
     needs_ = needs_of(records_);
     number_kinds();
   }
@@ -110,7 +111,7 @@ class SceneShading final : public Shading {
   Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const override {
     const MaterialRecord* r = material < records_.size() ? &records_[material] : nullptr;
     if (r && (r->textured || r->bends())) return textured(*r, point, footprint);
-    Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
+    Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), deciding_normal(point));
     if (r) b.add(std::span<const Lobe>(r->lobes));
     if (r && r->estimated) b.set_salt(salt(point.p));
     return b;
@@ -137,7 +138,7 @@ class SceneShading final : public Shading {
 
   Bsdf8 bsdf(const std::array<std::uint32_t, kLanes>& materials, const Vec3x8& ns, const Vec3x8& ng,
              const Vec3x8& wo) const override {
-    Bsdf8 b(FrameOf<Float8>(ns), ng);
+    Bsdf8 b(FrameOf<Float8>(ns), by_shading_normals_ ? ns : ng);
     const MaterialRecord& first = records_[materials[0]];
     const bool one = std::all_of(materials.begin(), materials.end(), [&](std::uint32_t m) { return m == materials[0]; });
     if (one) b.add(std::span<const LobeOf<Float8>>(first.lobes8));
@@ -162,11 +163,12 @@ class SceneShading final : public Shading {
   bool alpha_by_chance(std::uint32_t texture) const override { return textures_.by_chance(texture); }
 
  private:
+  const Vec3& deciding_normal(const SurfacePoint& point) const { return by_shading_normals_ ? point.ns : point.ng; }
   Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Footprint& footprint) const {
     const TexturePoint at(point, footprint);
     if (r.has_bump) bump(r.bump, at, bump_step_, point);
     if (r.has_normal_map) map_normal(r.normal_map, at, point);
-    Bsdf b(r.tangents ? tangent_frame(point) : Frame(point.ns), point.ng);
+    Bsdf b(r.tangents ? tangent_frame(point) : Frame(point.ns), deciding_normal(point));
     if (r.textured) {
       LobeSink sink(b);
       r.material->add_lobes(at, sink);
@@ -197,6 +199,7 @@ class SceneShading final : public Shading {
   std::vector<MaterialRecord> records_;
   Needs needs_;
   float bump_step_;
+  bool by_shading_normals_;  // pbrt-v4: which side of a surface a direction is on; before it the geometric ones say it
 };
 
 }  // namespace

@@ -44,9 +44,9 @@ MadeTexture<T> make_wrinkled_texture(TextureInputs& in) {
 template <class T>
 MadeTexture<T> make_windy_texture(TextureInputs& in) {
   in.params.needs().footprint = true;
-  return make<T>(in, [](const SolidCoordinates& at) {
-    const float wind = fbm(scaled(at, 0.1f), {0.5f, 3});
-    return std::fabs(wind) * fbm(at, {0.5f, 6});
+  return make<T>(in, [beyond = Octaves::beyond_of(in.params.dialect())](const SolidCoordinates& at) {
+    const float wind = fbm(scaled(at, 0.1f), {0.5f, 3, beyond});
+    return std::fabs(wind) * fbm(at, {0.5f, 6, beyond});
   });
 }
 

@@ -129,6 +129,18 @@ Rgb ImagePyramid::trilinear(const Vec2& st, float width, WrapMode wrap) const {
   return (1.f - f) * bilinear(low, st, wrap) + f * bilinear(low + 1, st, wrap);
 }
 
+Rgb ImagePyramid::one_level(const Vec2& st, float width, const ImageFilter& filter) const {
+  const float size = static_cast<float>(std::max(levels_[0].width, levels_[0].height));
+  const float lod = portable::log2(std::max(width * size, 1e-8f));
+  if (lod >= static_cast<float>(level_count() - 1)) return top();
+  const int level = lod > 0.f ? static_cast<int>(lod) : 0;
+  if (filter.kind == ImageFilter::Kind::bilinear) return bilinear(level, st, filter.wrap);
+  // The middle of a texel is that texel alone.
+  const Level& l = levels_[static_cast<std::size_t>(level)];
+  const Vec2 texels(static_cast<float>(l.width), static_cast<float>(l.height));
+  return bilinear(level, (glm::round(st * texels - 0.5f) + 0.5f) / texels, filter.wrap);
+}
+
 Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) const {
   if (level >= level_count()) return top();
   static const std::array<float, kWeights> kWeight = make_weights();
@@ -189,9 +201,10 @@ Rgb ImagePyramid::lookup(const Vec2& st_in, const Vec2& dst0, const Vec2& dst1,
   };
   bounded(major);
   bounded(minor);
-  if (filter.trilinear) {
+  if (filter.kind != ImageFilter::Kind::ellipse) {
     const Vec2 m = glm::max(glm::abs(major), glm::abs(minor));
-    return trilinear(st, std::max(m.x, m.y), filter.wrap);
+    const float width = filter.widths * std::max(m.x, m.y);
+    return filter.kind == ImageFilter::Kind::trilinear ? trilinear(st, width, filter.wrap) : one_level(st, width, filter);
   }
   if (glm::dot(major, major) < glm::dot(minor, minor)) std::swap(major, minor);
   const float longest = glm::length(major);

@@ -35,7 +35,9 @@ struct ImageEncoding {
 
 struct ImageFilter {
   WrapMode wrap = WrapMode::repeat;
-  bool trilinear = false;
+  enum class Kind : std::uint8_t { ellipse, trilinear, bilinear, point };  // the last two of one level
+  Kind kind = Kind::ellipse;
+  float widths = 1;  // of the footprint, that levels are chosen by: two in pbrt-v2 and v4
   float max_anisotropy = 8;
 };
 
@@ -64,6 +66,7 @@ class ImagePyramid {
   friend class ImageStore;
   Rgb bilinear(int level, const Vec2& st, WrapMode wrap) const;
   Rgb trilinear(const Vec2& st, float width, WrapMode wrap) const;
+  Rgb one_level(const Vec2& st, float width, const ImageFilter& filter) const;
   Rgb ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) const;
   Rgb top() const;  // the only texel of the last level
   // Calls f with a function that has the texel of an index of the level, as Color4.

@@ -83,7 +83,17 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   encoding.luminance = std::is_same_v<T, float>;
   encoding.mean = p.boolean("mean", false) && encoding.luminance;
   ImageFilter filter;
-  filter.trilinear = p.boolean("trilinear", p.string("filter", "") == "trilinear");
+  const bool v4 = p.boolean("mean", false);
+  const std::string kind = p.string("filter", v4 ? "bilinear" : "ewa");
+  if (kind == "bilinear")
+    filter.kind = ImageFilter::Kind::bilinear;
+  else if (kind == "point")
+    filter.kind = ImageFilter::Kind::point;
+  else if (p.boolean("trilinear", false) || kind == "trilinear")
+    filter.kind = ImageFilter::Kind::trilinear;
+  else if (kind != "ewa" && kind != "EWA")
+    in.params.warn("unknown filter \"" + kind + "\", expected bilinear, trilinear, point or ewa; using ewa");
+  if (v4 || in.params.dialect() == Dialect::v2) filter.widths = 2;
   filter.max_anisotropy = std::clamp(p.real("maxanisotropy", 8.f), 1.f, 64.f);
   const std::string wrap = p.string("wrap", "repeat");
   if (wrap == "black")

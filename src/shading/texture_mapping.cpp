@@ -21,6 +21,7 @@ TextureMapping::TextureMapping(TextureInputs& inputs)
     kind_ = Kind::spherical;
   } else if (kind == "cylindrical") {
     kind_ = Kind::cylindrical;
+    by_height_ = p.boolean("byheight", false);
   } else {
     if (kind == "planar") {
       kind_ = Kind::planar;
@@ -43,7 +44,7 @@ Vec2 TextureMapping::around(const Vec3& world) const {
   if (!(length2 > 0.f)) return Vec2(0.f);
   const Vec3 w = v / std::sqrt(length2);
   const float phi = portable::atan2(w.y, w.x) * (0.5f * kInvPi);
-  if (kind_ == Kind::cylindrical) return {0.5f + phi, w.z};
+  if (kind_ == Kind::cylindrical) return {0.5f + phi, by_height_ ? v.z : w.z};
   return {portable::acos(w.z) * kInvPi, phi < 0.f ? phi + 1.f : phi};
 }
 

@@ -20,6 +20,7 @@ class TextureMapping {
 
   Kind kind_ = Kind::uv;
   Vec2 scale_{1}, delta_{0};
+  bool by_height_ = false;  // cylindrical of pbrt-v4: t is z, before it the cosine
   Vec3 vs_{1, 0, 0}, vt_{0, 1, 0};
   Transform world_to_texture_;
 };

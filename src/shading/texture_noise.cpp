@@ -14,10 +14,10 @@ float smooth_step(float from, float to, float x) {
 }
 
 // How many octaves the footprint has room for: 1 / frequency of the last one is twice its width.
-float visible_octaves(const SolidCoordinates& at, int count) {
+float visible_octaves(const SolidCoordinates& at, const Octaves& octaves) {
   const float width2 = std::max(glm::dot(at.dpdx, at.dpdx), glm::dot(at.dpdy, at.dpdy));
-  const float n = -1.f - 0.5f * portable::log2(width2);
-  return n > 0.f ? std::min(n, static_cast<float>(count)) : 0.f;
+  const float n = octaves.beyond - 0.5f * portable::log2(width2);
+  return n > 0.f ? std::min(n, static_cast<float>(octaves.count)) : 0.f;
 }
 
 constexpr float kLacunarity = 1.99f;  // a little less than 2, so that the lattices do not coincide
@@ -27,7 +27,7 @@ constexpr int kMostOctaves = 64;  // the frequencies of more of them are no numb
 }  // namespace
 
 float fbm(const SolidCoordinates& at, const Octaves& octaves) {
-  const float visible = visible_octaves(at, octaves.count), whole = std::floor(visible);
+  const float visible = visible_octaves(at, octaves), whole = std::floor(visible);
   float sum = 0.f, frequency = 1.f, weight = 1.f;
   for (int i = 0; i < static_cast<int>(whole); ++i) {
     sum += weight * noise(frequency * at.p);
@@ -39,7 +39,7 @@ float fbm(const SolidCoordinates& at, const Octaves& octaves) {
 }
 
 float turbulence(const SolidCoordinates& at, const Octaves& octaves, Dialect dialect) {
-  const float visible = visible_octaves(at, octaves.count), whole = std::floor(visible);
+  const float visible = visible_octaves(at, octaves), whole = std::floor(visible);
   float sum = 0.f, frequency = 1.f, weight = 1.f;
   for (int i = 0; i < static_cast<int>(whole); ++i) {
     sum += weight * std::fabs(noise(frequency * at.p));
@@ -61,7 +61,7 @@ float turbulence(const SolidCoordinates& at, const Octaves& octaves, Dialect dia
 
 Octaves read_octaves(TextureInputs& in) {
   const ParamSet& p = in.params.params();
-  Octaves out{p.real("roughness", 0.5f), p.integer("octaves", 8)};
+  Octaves out{p.real("roughness", 0.5f), p.integer("octaves", 8), Octaves::beyond_of(in.params.dialect())};
   if (out.count < 0 || out.count > kMostOctaves) {
     in.params.warn("octaves must be from 0 to " + std::to_string(kMostOctaves) + ", not " +
                    std::to_string(out.count) + "; using the nearest");

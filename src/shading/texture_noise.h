@@ -10,6 +10,8 @@ namespace cloudrenderer {
 struct Octaves {
   float roughness = 0.5f;
   int count = 8;
+  float beyond = -1;  // what the footprint has room for besides: in pbrt-v2 two octaves more than in later ones
+  static float beyond_of(Dialect dialect) { return dialect == Dialect::v2 ? 1.f : -1.f; }
 };
 float fbm(const SolidCoordinates& at, const Octaves& octaves);
 
