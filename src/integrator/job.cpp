@@ -6,6 +6,7 @@
 #include <set>
 
 #include "film/camera.h"
+#include "scene/dialect.h"
 #include "scene/material_specular.h"
 
 namespace cloudrenderer {
@@ -165,7 +166,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     job.integrator = IntegratorKind::ambient_occlusion;
     job.light_vertices = 1;
     // pbrt-v3 has no distance, and does not divide the sum of the cosines by pi.
-    if (!v2 && !source->params.boolean("divided", false))
+    if (!v2 && !is_of_v4(scene))
       job.film.scale *= kPi;
     else
       job.ao_distance = source->params.real("maxdist", kInfinity);

@@ -173,4 +173,6 @@ Dialect detect_dialect(const std::string& path, const std::string& confine) {
   return Detector(path, confine).scan_all(path);
 }
 
+bool is_of_v4(const SceneDescription& scene) { return scene.film.params.boolean("keepsnegative", false); }
+
 }  // namespace cloudrenderer

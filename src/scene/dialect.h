@@ -10,4 +10,7 @@ namespace cloudrenderer {
 // of the folder `confine`, if one is given.
 Dialect detect_dialect(const std::string& path, const std::string& confine = {});
 
+// Whether a scene that is described in pbrt-v3's words is one of pbrt-v4: its film says so.
+bool is_of_v4(const SceneDescription& scene);
+
 }  // namespace cloudrenderer

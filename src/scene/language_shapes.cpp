@@ -20,7 +20,7 @@ constexpr LanguageRow kRows[] = {
     {"Shape", "paraboloid", kInV2 | kInV3, kDone, "float radius, float zmin, float zmax, float phimax", ""},
     {"Shape", "plymesh", kInV3 | kInV4, kDone, "string filename, texture alpha, texture shadowalpha@v3, !texture displacement@v4, !float edgelength@v4", "gzipped files too"},
     {"Shape", "sphere", kInAll, kDone, "float radius, float zmin, float zmax, float phimax, texture alpha@v4", ""},
-    {"Shape", "trianglemesh", kInAll, kDone, "integer indices, point P, normal N, -vector S, float uv, float st@v23, texture alpha, texture shadowalpha@v3, bool discarddegenerateUVs@v23, -integer faceIndices@v34", ""},
+    {"Shape", "trianglemesh", kInAll, kDone, "integer indices, point P, normal N, !vector S, float uv, float st@v23, texture alpha, texture shadowalpha@v3, bool discarddegenerateUVs@v23, -integer faceIndices@v34", ""},
 };
 // clang-format on
 

@@ -274,10 +274,15 @@ void Parser::object_instance(const Token& t) {
     return;
   }
   instance.motion = motion(instance.location, "instance");
-  if (later)
-    early_instances_.emplace_back(name, instance);
-  else
+  if (!later) {
     sink_.instance(instance, builder_.scene());
+    return;
+  }
+  // They wait in memory; where there are many, files define objects first.
+  constexpr std::size_t kMostEarly = 1'000'000;
+  if (early_instances_.size() == kMostEarly)
+    throw SceneError(instance.location, "more than " + std::to_string(kMostEarly) + " instances come before their objects");
+  early_instances_.emplace_back(name, instance);
 }
 
 void Parser::warn_no_object(const FileLocation& where, const std::string& name) {

@@ -37,7 +37,6 @@ void V4Translator::film(Entity& e) const {
   if (p.has("whitebalance")) warn_(e.location, "the film's white balance is ignored");
   for (const char* name : {"sensor", "iso", "whitebalance"}) p.take(name);
   if (exposure != 1.f) p.add(make_real("scale", exposure, e.location));
-  p.add(make_bool("keepsnegative", true, e.location));
   if (const auto bounds = p.take("pixelbounds"); bounds && bounds->integers.size() == 4) {
     const float w = static_cast<float>(p.integer("xresolution", 1280)),
                 h = static_cast<float>(p.integer("yresolution", 720));
@@ -55,6 +54,7 @@ void V4Translator::film(Entity& e) const {
 }
 
 void V4Translator::expose(const Entity& camera, Entity& film) const {
+  film.params.add(make_bool("keepsnegative", true, film.location));
   const float time = camera.params.real("shutterclose", 1.f) - camera.params.real("shutteropen", 0.f);
   if (!(time > 0.f)) throw SceneError(camera.location, "the shutter does not open: shutterclose must be after shutteropen");
   if (film.params.take("exposuretime") || time == 1.f) return;
@@ -85,7 +85,6 @@ void V4Translator::integrator(Entity& e) const {
   if (e.type == "ao" || e.type == "ambientocclusion") {
     e.params.rename("maxdistance", "maxdist");
     e.params.add(make_integer("nsamples", 1, e.location));
-    e.params.add(make_bool("divided", true, e.location));  // by pi
   } else if (e.type == "simplepath" || e.type == "lightpath" || e.type == "randomwalk" ||
              e.type == "simplevolpath" || e.type == "function") {
     warn_(e.location, "integrator \"" + e.type +

@@ -2,6 +2,7 @@
 #include <bit>
 
 #include "base/random.h"
+#include "scene/dialect.h"
 #include "shading/material.h"
 #include "shading/material_kinds.h"
 #include "shading/measured.h"
@@ -96,7 +97,7 @@ class SceneShading final : public Shading {
       : textures_(scene, options.texture_budget, warnings),
         records_(build_materials(scene, textures_, measured_, warnings)),
         bump_step_(scene.dialect == Dialect::v2 ? 0.01f : 0.0005f),
-        by_shading_normals_(scene.film.params.boolean("keepsnegative", false)) {
+        by_shading_normals_(is_of_v4(scene)) {
     needs_ = needs_of(records_);
     number_kinds();
   }

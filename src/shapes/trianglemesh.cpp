@@ -1,5 +1,4 @@
-// Shape "trianglemesh": indices, P, N, uv or st, discarddegenerateUVs. S is read and has no effect:
-// nothing of ours uses tangents of a mesh but anisotropic materials, which take them from the uvs.
+// Shape "trianglemesh": indices, P, N, uv or st, discarddegenerateUVs. Tangents (S) are not taken: they are those of the uvs.
 #include <spdlog/fmt/fmt.h>
 
 #include "shapes/mesh_builder.h"
@@ -34,7 +33,6 @@ ShapeGeometry make_trianglemesh(const ShapeDesc& shape, Dialect dialect, Warning
   const BulkArray<std::int32_t> indices =
       params.has("indices") ? params.integers("indices") : BulkArray<std::int32_t>({0, 1, 2});
   const bool discard_degenerate_uvs = params.boolean("discarddegenerateUVs", false);
-  params.reals("S");
   if (positions.size() % 3)
     throw SceneError(location_of(shape, "P"),
                      fmt::format("{} numbers do not make points", positions.size()));
