@@ -34,6 +34,13 @@ TEST(Spectrum, DialectsDifferByOneSampleIn471) {
   expect_near(v3, v2 * (470.f / 471.f), 1e-6f);
 }
 
+TEST(Spectrum, ThatEndsIsOneWithZerosAroundIt) {
+  const SampledSpectrum ends{{600, 500}, {.5, .5}, true}, around{{300, 499.5, 500, 600, 600.5, 900}, {0, 0, .5, .5, 0, 0}};
+  EXPECT_EQ(reflectance_to_rgb(ends), reflectance_to_rgb(around));
+  EXPECT_EQ(reflectance_to_rgb({{360, 830}, {.5, .5}, true}), Rgb(.5f));
+  EXPECT_EQ(reflectance_to_rgb({{500, 600}, {.5, .5}}), Rgb(.5f)) << "before pbrt-v4 and in tables";
+}
+
 TEST(Spectrum, OrderOfSamplesDoesNotMatter) {
   EXPECT_EQ(spectrum_to_rgb({{600, 400, 500}, {3, 1, 2}}, Dialect::v2),
             spectrum_to_rgb({{400, 500, 600}, {1, 2, 3}}, Dialect::v2));

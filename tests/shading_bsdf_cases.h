@@ -105,7 +105,7 @@ BsdfCase random_case(int kind, Random&& u) {
     case 23:
       return {"Rgl", {measured(u() < 0.5f ? *brushed : *lacquer)}, false};
     case 24:
-      return {"HairTilted", {hair({2.f * u() - 1.f, index, color(2.f), rough(), rough(), 4.f * u()})}, false, false};
+      return {"HairTilted", {hair({2.f * u() - 1.f, index, color(2.f), rough(), rough(), 4.f * u(), u() < 0.5f})}, false, false};
     default: {  // few samples do not see the tail of a walk's weights
       const bool smooth = u() < 0.3f, mirror = u() < 0.3f, clear = u() < 0.3f;
       Coat coat{index, smooth ? 0.f : rough(), smooth ? 0.f : rough(), 3.f * u() * u(), clear ? Rgb(0.f) : color(), 1.9f * u() - 0.95f, 1};

@@ -3,8 +3,6 @@
 #include <pthread.h>
 #include <signal.h>
 
-#include <cstdlib>
-
 namespace cloudrenderer {
 namespace {
 
@@ -44,8 +42,6 @@ void Interrupts::wait() {
     const std::lock_guard lock(mutex_);
     if (stopping_) return;
     if (signal == SIGUSR2) continue;
-    // Asked a second time while nothing can be told of it, as when a scene is read.
-    if (seen_ && !handler_) std::_Exit(128 + signal);
     seen_ = true;
     if (handler_) handler_();
   }

@@ -158,6 +158,7 @@ ParamSet SceneBuilder::resolve_textures(const GraphicsState& state, const Entity
                                             (p.name == "eta" && entity.type != "metal");
     if (const std::string* found = find_texture(state, p.strings[0], wants_float)) {
       p.strings[0] = *found;
+      p.reals = {};
     } else if (may_come_later) {
       p.strings[0] = later_texture(p.strings[0], wants_float);
     } else {

@@ -27,7 +27,8 @@ void sort_by_wavelength(SampledSpectrum& s) {
     sorted.wavelengths.push_back(s.wavelengths[i]);
     sorted.values.push_back(s.values[i]);
   }
-  s = std::move(sorted);
+  s.wavelengths = std::move(sorted.wavelengths);
+  s.values = std::move(sorted.values);
 }
 
 double value_at(const SampledSpectrum& s, double wavelength) {

@@ -121,6 +121,7 @@ Lobe hair(const HairFiber& fiber) {
   l.transmits = true;
   l.scale = Rgb(1.f);
   l.scale2 = fiber.sigma_a;
+  // The second says which direction is tilted.
   l.eta = Rgb(in(fiber.eta, 1e-3f, 1e3f), fiber.tilts_out ? 1.f : 0.f, 1.f);
   const auto power = [](float x, int n) {
     float r = 1.f;
