@@ -181,7 +181,12 @@ void Manager::drain() {
   for (const HostId gone : core_.take_gone()) {
     const auto peer = peers_.find(gone);
     if (peer == peers_.end()) continue;
-    if (core_.hosts().at(gone).lost) spdlog::warn("host {} is lost", gone.value);
+    const ManagerCore::HostReport& report = core_.hosts().at(gone);
+    if (report.lost) {
+      spdlog::warn("host {} is lost", gone.value);
+    } else if (!report.last.final()) {
+      spdlog::warn("host {} has not said what it has used in all: the report has its last status", gone.value);
+    }
     if (peer->second.link) peer->second.link->close_when_sent();
     peers_.erase(peer);
   }

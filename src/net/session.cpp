@@ -135,6 +135,7 @@ void Session::send(WireFrame frame) {
       });
       return;
     }
+    bytes_sent_ += size_of(frame);
     queue_.push_back(std::move(frame));
     if (writing_) return;
     writing_ = true;
@@ -183,7 +184,6 @@ asio::awaitable<void> Session::write_frames() {
       if (f.payload) buffers.emplace_back(f.payload->data(), f.payload->size());
     }
     co_await stream_->write(buffers);
-    bytes_sent_ += bytes;
     const std::lock_guard lock(mutex_);
     queued_bytes_ -= bytes;
   }

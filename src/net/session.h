@@ -54,6 +54,7 @@ class Session : public std::enable_shared_from_this<Session> {
   bool is_open() const { return !closed_; }
   const std::string& peer() const { return peer_; }
   const Address& local() const { return local_; }
+  // With what still waits to be written: whoever tells how much it was tells it behind all of that.
   std::uint64_t bytes_sent() const { return bytes_sent_; }
   std::uint64_t bytes_received() const { return bytes_received_; }
   std::uint64_t bytes_queued() const;

@@ -172,6 +172,11 @@ void ManagerCore::count_hold(const Host& h, PartId p) {
 
 void ManagerCore::receive(HostId from, wire::Message message, double now) {
   const auto it = hosts_.find(from);
+  if (auto* const last = std::get_if<wire::Status>(&message); last && !finished() && departing_.contains(from)) {
+    take_counters(from, *last);
+    if (last->final()) depart(from, now);
+    return;
+  }
   if (it == hosts_.end() || finished()) return void(++progress_.dropped_messages);
   it->second.heard = last_now_ = now;
   std::visit([&](auto& m) { handle(from, it->second, m, now); }, message);
@@ -244,22 +249,27 @@ void ManagerCore::check_loaded(Team& t, double now) {
   hand_out(now);
 }
 
-void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
-  h.entry.set_load_s(m.load_s());
-  h.entry.set_segments_per_s(m.segments_per_s());
-  for (const std::uint32_t peer : m.unreachable())
-    if (hosts_.contains(HostId(peer)) && HostId(peer) != from)
-      unreachable_since_.try_emplace(HostId(peer), now);
+void ManagerCore::take_counters(HostId from, wire::Status& m) {
   for (int i = 0; i < m.visited_size(); ++i)
     if (m.visited(i) < visits_.size()) visits_[m.visited(i)] += static_cast<double>(m.rays(i));
   m.clear_visited();  // of no use to anybody else
   m.clear_rays();
   reports_[from].last = m;
-  finals_ += (m.final() ? 1u : 0u) - (h.final ? 1u : 0u);
+}
+
+void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
+  if (h.final) return;  // it still says that it lives
+  h.entry.set_load_s(m.load_s());
+  h.entry.set_segments_per_s(m.segments_per_s());
+  for (const std::uint32_t peer : m.unreachable())
+    if (hosts_.contains(HostId(peer)) && HostId(peer) != from)
+      unreachable_since_.try_emplace(HostId(peer), now);
+  take_counters(from, m);
   h.final = m.final();
+  if (h.final) ++finals_;
   h.status = std::move(m);
   end_pause(*h.team, now);
-  if (hosts_.contains(from) && h.leaving) return try_release(from, now);
+  if (hosts_.contains(from) && h.leaving) try_release(from, now);
   check_final(now);
 }
 
@@ -278,7 +288,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Leave&, double now) {
 // accepted are done. From the epoch of its release on it accepts nothing.
 void ManagerCore::try_release(HostId id, double now) {
   const auto it = hosts_.find(id);
-  if (it == hosts_.end() || finished()) return;
+  if (it == hosts_.end() || phase_ == Phase::ending || finished()) return;
   Host& h = it->second;
   const bool taking_part = phase_ == Phase::rendering && h.mapped;
   if (taking_part) {
@@ -301,10 +311,20 @@ void ManagerCore::try_release(HostId id, double now) {
   end.set_job(job_.start.job());
   end.set_reason("the host leaves");
   send(id, std::move(end));
+  departing_[id] = now + options_.end_wait_s;
   remove(id, false, now);
 }
 
+// Whether the host was departing: with its final counters, or without them it is now gone.
+bool ManagerCore::depart(HostId id, double now) {
+  if (departing_.erase(id) == 0) return false;
+  gone_.push_back(id);
+  check_final(now);
+  return true;
+}
+
 void ManagerCore::host_lost(HostId host, double now) {
+  if (depart(host, now)) return;
   remove(host, true, now);
   end_broken_teams(now);
 }
@@ -320,7 +340,7 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
   if (it->second.final) --finals_;
   t.hosts.erase(id);
   hosts_.erase(it);
-  gone_.push_back(id);
+  if (!departing_.contains(id)) gone_.push_back(id);
   unreachable_since_.erase(id);
   reports_[id].left = now;
   reports_[id].lost = lost;
@@ -391,6 +411,10 @@ void ManagerCore::tick(double now) {
   for (const auto& [id, h] : hosts_)
     if (now - h.heard > lost_after()) silent.push_back(id);
   for (const HostId id : silent) remove(id, true, now);
+  std::vector<HostId> speechless;
+  for (const auto& [id, until] : departing_)
+    if (now > until) speechless.push_back(id);
+  for (const HostId id : speechless) depart(id, now);
   check_unreachable(now);
   look_at_newcomers(now);
   for (Team& t : teams_) {

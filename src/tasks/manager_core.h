@@ -298,6 +298,9 @@ class ManagerCore {
     ++progress_.dropped_messages;
   }
   void remove(HostId id, bool lost, double now);
+  void take_counters(HostId from, wire::Status& m);
+  bool depart(HostId id, double now);
+  void all_gone();
   void try_release(HostId id, double now);
   void check_unreachable(double now);
   void check_loaded(Team& t, double now);
@@ -350,6 +353,7 @@ class ManagerCore {
   std::string error_;
   std::vector<Sending> outbox_;
   std::vector<HostId> gone_;
+  std::map<HostId, double> departing_;  // released, and until when their final counters are waited for
   std::map<HostId, Host> hosts_;
   std::map<HostId, HostReport> reports_;
   std::uint32_t next_host_ = 1;

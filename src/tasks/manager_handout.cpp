@@ -400,9 +400,9 @@ void ManagerCore::begin_end(const std::string& reason, double now) {
 // The counters of every host are in, or are not waited for any more.
 void ManagerCore::check_final(double now) {
   if (phase_ != Phase::ending) return;
-  if (finals_ < hosts_.size() && now < end_deadline_) return;
+  if ((finals_ < hosts_.size() || !departing_.empty()) && now < end_deadline_) return;
   phase_ = Phase::done;
-  for (const auto& [id, h] : hosts_) gone_.push_back(id);
+  all_gone();
 }
 
 void ManagerCore::fail(const std::string& why, double now) {
@@ -410,7 +410,12 @@ void ManagerCore::fail(const std::string& why, double now) {
   error_ = why;
   begin_end(why, now);
   phase_ = Phase::failed;
+  all_gone();
+}
+
+void ManagerCore::all_gone() {
   for (const auto& [id, h] : hosts_) gone_.push_back(id);
+  for (const auto& [id, until] : std::exchange(departing_, {})) gone_.push_back(id);
 }
 
 }  // namespace cloudrenderer
