@@ -209,6 +209,26 @@ TEST_F(V4Scenes, FloatTexturesAreTheMeanOfDecodedColours) {
   EXPECT_NEAR(reflected("moss.ppm", "\"string encoding\" \"linear\""), .0588f, 1e-3f) << "pictures of other kinds than PNG have their encoding";
 }
 
+// A spectrum picture ends at 1 before other textures see it, unless it is of something that may be more.
+TEST_F(V4Scenes, PicturesOfAlbedosEndAtOne) {
+  write_file(folder_.path("grey.ppm"), std::string("P6\n1 1\n255\n") + "\xf3\xf3\xf3");  // 0.896 when decoded
+  const auto seen = [&](const std::string& texture, const std::string& material) {
+    const auto scene = picture("Camera \"orthographic\"\nFilm \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2 \"string filename\" \"x.exr\"\n"
+                               "Sampler \"zsobol\" \"integer pixelsamples\" 64\nWorldBegin\nLightSource \"infinite\"\n"
+                               "Texture \"w\" \"spectrum\" \"imagemap\" \"string filename\" \"grey.ppm\" \"float scale\" 3\n" + texture + material +
+                               "\nShape \"disk\" \"float radius\" 9 \"float height\" 2\n",
+                               Dialect::v4);
+    EXPECT_EQ(scene.error, "");
+    return scene.pixels.empty() ? 0.f : scene.pixels[0];
+  };
+  const std::string diffuse = "Material \"diffuse\" \"texture reflectance\" \"t\"";
+  EXPECT_NEAR(seen("Texture \"t\" \"spectrum\" \"scale\" \"texture tex\" \"w\" \"float scale\" .5\n", diffuse), 0.5f, 1e-3f);
+  EXPECT_NEAR(seen("Texture \"t\" \"spectrum\" \"mix\" \"texture tex1\" \"w\" \"rgb tex2\" [.5 .5 .5] \"float amount\" .5\n", diffuse), 0.75f, 1e-3f);
+  // Conductors: ((eta - 1)^2 + k^2) / ((eta + 1)^2 + k^2), here for eta = 2.688 / 2 and k = 1.
+  EXPECT_NEAR(seen("Texture \"t\" \"spectrum\" \"scale\" \"texture tex\" \"w\" \"float scale\" .5\n",
+                   "Material \"conductor\" \"texture eta\" \"t\" \"rgb k\" [1 1 1]"), 0.1722f, 2e-3f);
+}
+
 TEST_F(V4Scenes, ParametersGoOnBehindAnInclude) {
   write_file(folder_.path("dense.pbrt"), "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" [1]\n");
   write_file(folder_.path("outer.pbrt"), "Include \"dense.pbrt\"\n");
@@ -249,6 +269,10 @@ TEST_F(V4Scenes, AreToldFromTheOlderOnes) {
   };
   EXPECT_EQ(dialect_of("WorldBegin WorldEnd"), Dialect::v2);
   EXPECT_EQ(dialect_of("Integrator \"path\" WorldBegin WorldEnd"), Dialect::v3);
+  EXPECT_EQ(dialect_of("Film \"image\" \"float scale\" 2 WorldBegin WorldEnd"), Dialect::v3);
+  EXPECT_EQ(dialect_of("Film \"image\" WorldBegin Texture \"t\" \"color\" \"imagemap\" \"float scale\" 2 WorldEnd"), Dialect::v2);
+  EXPECT_EQ(dialect_of("WorldBegin Material \"glass\" \"float eta\" 1.6 WorldEnd"), Dialect::v3);
+  EXPECT_EQ(dialect_of("WorldBegin Material \"kdsubsurface\" \"rgb mfp\" [1 1 1] WorldEnd"), Dialect::v3);
   EXPECT_EQ(dialect_of("Integrator \"volpath\" Film \"rgb\" WorldBegin"), Dialect::v4);
   EXPECT_EQ(dialect_of("Integrator \"path\" Film \"image\" WorldBegin WorldEnd"), Dialect::v3);
   EXPECT_EQ(dialect_of("WorldBegin MakeNamedMaterial \"x\" \"string type\" \"diffuse\""), Dialect::v4);

@@ -1,4 +1,5 @@
 // Lights that shine through a picture.
+#include "scene/param_make.h"
 #include "shading_lights_support.h"
 
 namespace cloudrenderer {
@@ -70,6 +71,18 @@ TEST(Projection, ThrowsThePictureOnARectangle) {
     for (const Vec2& outside : {Vec2(2.01f, 0), Vec2(-2.01f, 0), Vec2(0, 1.01f), Vec2(0, -1.01f)})
       EXPECT_EQ(intensity(*lights, to_world, glm::normalize(Vec3(outside, 1.f))), Rgb(0.f));
   }
+}
+
+TEST(Projection, OfPbrtV4HasTheNearestTexel) {
+  const MapFile map(4, 4, rough);
+  const Param v4 = make_bool("srgb", true, {});
+  const auto lights = Scene().light("projection", {string("mapname", map.path()), reals("fov", {90}), v4}).build();
+  for (int y = 0; y < 4; ++y)
+    for (int x = 0; x < 4; ++x)
+      for (const float beside : {-0.49f, 0.f, 0.49f}) {
+        const Vec3 at((static_cast<float>(x) + 0.5f + beside) / 2 - 1, (static_cast<float>(y) + 0.5f - beside) / 2 - 1, 1);
+        expect_near(intensity(*lights, {}, glm::normalize(at)), rough(x, y));
+      }
 }
 
 TEST(Projection, OfAHighPictureIsHigher) {

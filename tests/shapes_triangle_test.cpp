@@ -76,6 +76,29 @@ TEST(TrianglePoint, HasThePbrtShadingFrame) {
   }
 }
 
+// In pbrt-v4 dpdu keeps its side, and what of its length lies across the normal, which dpdv gets, too.
+TEST(TrianglePoint, HasTheShadingFrameOfPbrtV4) {
+  TriangleVertices t = corner_triangle();
+  t.has_normals = t.has_uvs = true;
+  t.uv = {Vec2(0, 0), Vec2(0.25f, 0), Vec2(0, 1)};  // dpdu is (4, 0, 0)
+  const auto with_normals = [&](const Vec3& n) {
+    t.n = {n, n, n};
+    return triangle_point(t, false, Dialect::v4, 0.2f, 0.2f);
+  };
+  const SurfacePoint flat = with_normals({0, 0, 1});
+  expect_near(flat.shading_dpdu, {4, 0, 0});
+  expect_near(flat.shading_dpdv, {0, 4, 0});
+  const SurfacePoint turned = with_normals({0, 0, -1});
+  expect_near(turned.shading_dpdu, {4, 0, 0});
+  expect_near(turned.shading_dpdv, {0, -4, 0});
+  expect_near(turned.ng, {0, 0, -1});
+  const SurfacePoint tilted = with_normals(glm::normalize(Vec3(1, 0, 1)));
+  expect_near(tilted.shading_dpdu, {2, 0, -2});
+  expect_near(tilted.shading_dpdv, {0, std::sqrt(8.f), 0});
+  const SurfacePoint along = with_normals({1, 0, 0});  // any frame will do
+  EXPECT_NEAR(glm::dot(along.shading_dpdu, Vec3(1, 0, 0)), 0.f, 1e-6f);
+}
+
 TEST(TrianglePoint, HasDerivativesThatFiniteDifferencesConfirm) {
   Random r(3);
   for (int i = 0; i < 2000; ++i) {

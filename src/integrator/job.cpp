@@ -139,7 +139,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     if (!(job.media_step > 0.f)) throw SceneError(scene.volume_integrator->location, "stepsize must be > 0, got " + std::to_string(job.media_step));
     scene.volume_integrator->params.report_unused("VolumeIntegrator \"" + scene.volume_integrator->type + "\"", warnings);
   }
-  if (type == "volpath" || type == "dipolesubsurface") type = "path";
+  if (type == "volpath") type = "path";
   job.light_paths = overrides.light_paths.value_or(light_paths_for(type));
   if (!overrides.light_paths && job.light_paths == LightPaths::caustics && !may_be_specular(scene)) job.light_paths = LightPaths::none;
   if (is_same_transport(type)) {
@@ -162,6 +162,10 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     job.light_vertices = std::max(n, 1u);
     job.emission_vertex = job.light_vertices - 1;
     source->params.string("strategy", "all");  // the same mean either way
+  } else if (type == "dipolesubsurface") {  // light that comes directly, also of what a medium scatters
+    job.integrator = IntegratorKind::direct;
+    job.light_vertices = n + 1;
+    job.emission_vertex = n;
   } else if (type == "ambientocclusion" || type == "ao") {
     job.integrator = IntegratorKind::ambient_occlusion;
     job.light_vertices = 1;
@@ -177,6 +181,8 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   } else {
     throw SceneError(source->location, "integrator \"" + type + "\" is not supported; known are path, volpath, directlighting, whitted, ambientocclusion");
   }
+  if (source->params.has("pixelbounds"))
+    warnings.add(source->location, "the integrator's \"pixelbounds\" is ignored: all of the picture is rendered");
   if (!overrides.integrator && source == &scene.integrator)
     source->params.report_unused((v2 ? "SurfaceIntegrator \"" : "Integrator \"") + scene.integrator.type + "\"", warnings);
   if (const std::string why = job.light_paths != LightPaths::none ? no_light_paths(scene, job) : ""; !why.empty()) {

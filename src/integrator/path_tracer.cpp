@@ -9,6 +9,7 @@
 #include "integrator/path_time.h"
 #include "integrator/shadow_channel.h"
 #include "integrator/timer.h"
+#include "scene/dialect.h"
 
 namespace cloudrenderer {
 
@@ -71,7 +72,7 @@ BrickRay shadow_brick_ray(const OcclusionRay& r) {
 PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part main_part, Resident& resident,
                        Warnings& warnings, std::uint64_t texture_budget)
     : job_(job),
-      dialect_(manifest.scene.dialect),
+      dialect_(is_of_v4(manifest.scene) ? Dialect::v4 : manifest.scene.dialect),
       map_(manifest.parts),
       one_part_(manifest.parts.size() == 2),
       main_geometry_(!main_part.triangles.empty() || !main_part.quadrics.empty() || !main_part.instances.empty() ||
@@ -94,9 +95,9 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   fixed_units_ = fixed_units(job.k);
   infinite_lights_ = lights_->has_infinite();
   hittable_lights_ = infinite_lights_ || !manifest.shape_lights.empty();
-  camera_ = Camera::build(manifest.scene.camera, job.film.frame, dialect_, warnings,
+  camera_ = Camera::build(manifest.scene.camera, job.film.frame, manifest.scene.dialect, warnings,
                           film_diagonal(manifest.scene.film));
-  filter_ = Filter::build(manifest.scene.filter, warnings, dialect_);
+  filter_ = Filter::build(manifest.scene.filter, warnings, manifest.scene.dialect);
   film_pixels_ = static_cast<float>(job.film.frame.pixels());
   if (lights_->disagrees())
     no_light_paths_ = "some lamp shines on another side than it is sampled on, as in pbrt";

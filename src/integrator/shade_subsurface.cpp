@@ -4,6 +4,7 @@
 // it can be asked of lights; how much leaves, and where, is the walk's. Light that was never scattered is refracted. A
 // walk is one vertex of its path, as in pbrt.
 #include "integrator/shader.h"
+#include "shading/bsdf_lobes.h"
 #include "shading/bsdf_math.h"
 #include "shading/phase.h"
 
@@ -15,10 +16,6 @@ constexpr std::uint32_t kMostSteps = 4096;  // after these a walk goes straight 
 constexpr std::uint32_t kMostCrossings = 1000;  // of surfaces on that way
 constexpr int kStepsAtOnce = 64;            // before others have their turn
 constexpr float kWalkRoulette = 4.f;        // as kRouletteScale of other paths: most walks leave within few steps
-
-// Steps whose ray goes on behind where the medium scatters, to see whether there is a surface at all: through a hole of
-// its object a walk may have come to where none is.
-bool looks_for_surface(std::uint32_t step) { return (step & (step - 1u)) == 0 || step >= kMostSteps; }
 
 // Turns the normals to the side of `towards`. True if that is the back: the shading normals know the outside (where there
 // are some, triangles of pbrt-v2 may have any geometric one).
@@ -75,7 +72,6 @@ struct PathTracer::Shader::Step {
     }
     return out;
   }
-  float end_of_ray(std::uint32_t number) const { return looks_for_surface(number) ? kInfinity : distance; }
 };
 
 void PathTracer::Shader::enter(std::uint32_t material, const InteriorMedium& medium, SurfacePoint& p,
@@ -121,7 +117,7 @@ void PathTracer::Shader::walk(Hit hit) {
   Step step(tracer.job_, s, medium);
   for (int n = 0;; ++n) {
     const bool meets = hit.part != kNone && hit.t <= step.distance;
-    if (!meets && hit.part == kNone && looks_for_surface(s.passed)) {
+    if (!meets && step.distance == kInfinity) {  // of an open surface, or through a hole
       s.flags = static_cast<std::uint16_t>(s.flags & ~(kInside | kInsideScattered | kInsideReversed));
       return escape();
     }
@@ -146,7 +142,7 @@ void PathTracer::Shader::walk(Hit hit) {
     ++s.passed;
     step = Step(tracer.job_, s, medium);
     hit = {};
-    hit.t = step.end_of_ray(s.passed);
+    hit.t = step.distance;
     // The next ray, here and now unless other hosts must see it.
     PathSegment ray = s;
     ray.tested = 0;
@@ -234,7 +230,7 @@ void PathTracer::Shader::leave(const SubsurfacePoint& at, const SurfacePoint& p)
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(0x20000000u + s.vertex);
   ScatterOf<float> v = scatter_of(p, ray_offset(p.p, p.p_error, p.ng), p.ng, s, numbers);
   Bsdf bsdf(Frame(p.ns), p.ng);
-  bsdf.add(bsdf::diffuse_exit(at.eta));
+  bsdf.add(at.matte_exit > 0.f ? bsdf::lambert(Rgb(at.matte_exit)) : bsdf::diffuse_exit(at.eta));
   bsdf.finish(p.ng);
   scatter(bsdf, true, v);
   v.ratio = 0;

@@ -80,6 +80,9 @@ constexpr auto kParamSigns = std::to_array<ParamSign>({{"rgb", "reflectance", kV
                                                        {"normal3", "", kV3 | kV4},
                                                        {"bool", "twosided", kV3 | kV4},
                                                        {"bool", "remaproughness", kV3 | kV4},
+                                                       {"float", "eta", kV3 | kV4},
+                                                       {"rgb", "mfp", kV3 | kV4},
+                                                       {"color", "mfp", kV3},
                                                        {"float", "diagonal", kV3 | kV4},
                                                        {"float", "maxsampleluminance", kV3},
                                                        {"float", "maxcomponentvalue", kV4},
@@ -87,6 +90,8 @@ constexpr auto kParamSigns = std::to_array<ParamSign>({{"rgb", "reflectance", kV
                                                        {"texture", "displacement", kV4}});
 // Of light sources, whose other parameters have these names elsewhere.
 constexpr auto kLightSigns = std::to_array<ParamSign>({{"string", "filename", kV4}, {"float", "scale", kV4}, {"float", "power", kV4}});
+
+constexpr auto kFilmSigns = std::to_array<ParamSign>({{"float", "scale", kV3}});
 
 class Detector {
  public:
@@ -130,7 +135,7 @@ class Detector {
 
   bool scan_text(const std::shared_ptr<const SourceText>& text, const std::string& path) {
     Lexer lexer(text);
-    bool of_light = false;
+    bool of_light = false, of_film = false;
     for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) {
       if (t.kind == Token::Kind::open) lexer.skip_array();
       if (t.kind == Token::Kind::string) {
@@ -140,6 +145,8 @@ class Detector {
           if (sign.type == param && (sign.name.empty() ? !name.empty() : sign.name == name)) narrow(sign.dialects);
         for (const ParamSign& sign : kLightSigns)
           if (of_light && sign.type == param && sign.name == name) narrow(sign.dialects);
+        for (const ParamSign& sign : kFilmSigns)
+          if (of_film && sign.type == param && sign.name == name) narrow(sign.dialects);
         if (param == "string" && name == "type") {  // of a named material
           if (lexer.peek().kind == Token::Kind::open) lexer.next();
           if (lexer.peek().kind == Token::Kind::string) see("Material", lexer.peek().text);
@@ -148,6 +155,7 @@ class Detector {
       if (t.kind == Token::Kind::word) {
         const bool has_type = lexer.peek().kind == Token::Kind::string;
         of_light = t.text == "LightSource" || t.text == "AreaLightSource";
+        of_film = t.text == "Film";
         world_ = world_ || t.text == "WorldBegin";
         see(t.text, has_type ? lexer.peek().text : std::string_view{});
         if (!decided() && t.text == "Include" && has_type &&

@@ -149,6 +149,7 @@ void Parser::world_begin(const Token& t) {
     warnings_.add(location(t), "WorldBegin inside of the world: ignored");
     return;
   }
+  if (skip_world(t)) return;
   block_ = Block::world;
   ctm_ = {};
   active_ = Active::all;
@@ -157,6 +158,32 @@ void Parser::world_begin(const Token& t) {
     moves->start_time = builder_.scene().transform_start;
     moves->end_time = builder_.scene().transform_end;
   }
+}
+
+// Of renderers of pbrt-v2 that make no picture but a file, most often for the world behind theirs.
+bool Parser::skip_world(const Token& t) {
+  std::optional<Entity>& renderer = builder_.scene().renderer;
+  if (!renderer || (renderer->type != "surfacepoints" && renderer->type != "createprobes")) return false;
+  Lexer ahead = lexer(), behind = ahead;
+  bool ended = false;
+  for (Token next = ahead.next(); next.kind != Token::Kind::end; next = ahead.next()) {
+    if (next.kind == Token::Kind::open) ahead.skip_array();
+    if (next.kind != Token::Kind::word) continue;
+    if (ended && next.text == "WorldBegin") {
+      builder_.warn_once(location(t), "the world of Renderer \"" + renderer->type + "\" is left out: it has no picture");
+      lexer() = std::move(behind);
+      renderer.reset();
+      ctm_ = {};
+      active_ = Active::all;
+      return true;
+    }
+    if (!ended && next.text == "WorldEnd") {
+      ended = true;
+      behind = ahead;
+    }
+  }
+  builder_.warn_once(location(t), "Renderer \"" + renderer->type + "\" has no picture: the surface integrator is used");
+  return false;
 }
 
 void Parser::world_end(const Token& t) {

@@ -36,6 +36,7 @@ class Parser {
   void close_file();
   void include(const Token& t);
   void world_begin(const Token& t);
+  bool skip_world(const Token& t);
   void world_end(const Token& t);
   void attribute_begin(const Token& t);
   void attribute_end(const Token& t);

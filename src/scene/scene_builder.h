@@ -57,6 +57,7 @@ class SceneBuilder {
  private:
   // Integrators that know media let shadow rays pass surfaces without a material, media or not: they get a vacuum.
   void let_shadows_pass();
+  void limit_albedos();
   void check_room_for_media(const FileLocation& where) const;
   std::optional<GridDesc> put_medium(MediumId id, Entity entity, const DMat4& ctm);
   MaterialId material_of(const GraphicsState& state, const ShapeDesc& shape);

@@ -1,5 +1,7 @@
 // pbrt-v4: names are of the whole scene, and may be used before what they name is made.
 #include <algorithm>
+#include <ranges>
+#include <set>
 
 #include "scene/param_make.h"
 #include "scene/scene_builder.h"
@@ -81,6 +83,24 @@ void SceneBuilder::finish(const GraphicsState& state) {
     if (changed) material.params = std::move(known);
   }
   let_shadows_pass();
+  if (is_v4_) limit_albedos();
+}
+
+// pbrt-v4's spectrum pictures are of three kinds by their use, and those of albedos end at 1.
+void SceneBuilder::limit_albedos() {
+  std::set<std::string> unbounded;
+  const auto add = [&](const Param& p) {
+    if (p.type == ParamType::texture && !p.strings.empty()) unbounded.insert(p.strings[0]);
+  };
+  for (const MaterialDesc& material : scene_.materials)
+    for (const Param& p : material.params.all())
+      if (p.name == "eta" || p.name == "k" || p.name == "sigma_a" || p.name == "sigma_s" || p.name == "mfp") add(p);
+  for (TextureDesc& texture : scene_.textures | std::views::reverse) {  // behind those that they are made of
+    if (unbounded.contains(texture.name))
+      for (const Param& p : texture.params.all()) add(p);
+    else if (texture.type == "imagemap" && !texture.is_float)
+      texture.params.add(make_bool("albedo", true, texture.location));
+  }
 }
 
 void SceneBuilder::let_shadows_pass() {

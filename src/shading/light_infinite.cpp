@@ -48,14 +48,6 @@ InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool rea
   equal_area_ ? prepare_equal_area() : prepare_sampling();
 }
 
-Rgb InfiniteLight::nearest(const Vec2& uv) const {
-  const auto at = [](float x, int size) {
-    return static_cast<std::size_t>(
-        std::clamp(static_cast<int>(x * static_cast<float>(size)), 0, size - 1));
-  };
-  return texels_[at(uv.y, height_) * static_cast<std::size_t>(width_) + at(uv.x, width_)];
-}
-
 double InfiniteLight::illuminance() const {
   double sum = 0;
   for (int y = 0; y < height_; ++y)
@@ -63,7 +55,7 @@ double InfiniteLight::illuminance() const {
       const Vec2 uv((static_cast<float>(x) + 0.5f) / static_cast<float>(width_),
                     (static_cast<float>(y) + 0.5f) / static_cast<float>(height_));
       const float z = equal_area_square_to_sphere(uv).z;
-      if (z > 0.f) sum += static_cast<double>(luminance(nearest(uv)) * z);
+      if (z > 0.f) sum += static_cast<double>(luminance(nearest(texels_, width_, height_, uv)) * z);
     }
   return sum * 2 * kPiDouble / (static_cast<double>(width_) * static_cast<double>(height_));
 }
@@ -164,7 +156,7 @@ Vec3Of<F> InfiniteLight::lookup(MaskOf<F> active, const Vec2Of<F>& uv) const {
   Vec3Of<F> radiance(F(0.f));
   lanes::for_each(active, [&](std::size_t i) {
     const Vec2 at = lanes::get(uv, i);
-    lanes::put(radiance, i, equal_area_ ? nearest(at) : bilinear(texels_, width_, height_, at));
+    lanes::put(radiance, i, equal_area_ ? nearest(texels_, width_, height_, at) : bilinear(texels_, width_, height_, at));
   });
   return radiance;
 }

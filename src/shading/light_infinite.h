@@ -42,7 +42,6 @@ class InfiniteLight {
   bool has_map() const { return !texels_.empty(); }
   void prepare_sampling();
   void prepare_equal_area();
-  Rgb nearest(const Vec2& uv) const;
   double illuminance() const;  // of an upward patch, as pbrt-v4 sums it up
   template <class F>
   MapPoint<F> map_point(MaskOf<F> active, const Vec3Of<F>& direction) const;

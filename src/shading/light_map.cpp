@@ -67,6 +67,7 @@ DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warn
     largest_ = Rgb(0.f);
     for (const Rgb& texel : map_.texels) largest_ = glm::max(largest_, texel);
   }
+  nearest_ = desc.params.boolean("srgb", false);
   const bool v4 = desc.params.string("mapping", "") == "equalarea";
   equal_area_ = v4 && map_.width == map_.height;
   if (v4 && !equal_area_)
@@ -113,27 +114,30 @@ void DirectionalMap::set_power(float power) {
   largest_ *= factor;
 }
 
+Rgb DirectionalMap::lookup(const Vec2& uv) const {
+  return nearest_ ? nearest(map_.texels, map_.width, map_.height, uv) : bilinear(map_.texels, map_.width, map_.height, uv);
+}
+
 Rgb DirectionalMap::factor(const Vec3& world_direction) const {
   const Vec3 d = world_to_light_ * world_direction;
   if (kind_ == Kind::goniometric) {
     if (map_.empty()) return Rgb(1.f);
     if (equal_area_) {
       const Vec2 uv = equal_area_sphere_to_square(glm::normalize(Vec3(d.x, d.z, d.y)));
-      return bilinear(map_.texels, map_.width, map_.height, uv);
+      return lookup(uv);
     }
     // y is up, and the azimuth runs from x to z.
     float azimuth = portable::atan2(d.z, d.x);
     if (azimuth < 0.f) azimuth += 2 * kPi;
     const float polar = portable::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y);
-    return bilinear(map_.texels, map_.width, map_.height,
-                    {azimuth * 0.5f * kInvPi, polar * kInvPi});
+    return lookup({azimuth * 0.5f * kInvPi, polar * kInvPi});
   }
   constexpr float kNear = 1e-3f;  // pbrt's: nothing behind the light, or nearly beside it
   if (!(d.z >= kNear)) return Rgb(0.f);
   const Vec2 at = Vec2(d) / (d.z * tangent_);
   if (!(std::fabs(at.x) <= screen_.x && std::fabs(at.y) <= screen_.y)) return Rgb(0.f);
   if (map_.empty()) return Rgb(1.f);
-  return bilinear(map_.texels, map_.width, map_.height, (at + screen_) / (2.f * screen_));
+  return lookup((at + screen_) / (2.f * screen_));
 }
 
 float DirectionalMap::cos_widest() const {

@@ -40,6 +40,14 @@ inline Rgb bilinear(std::span<const Rgb> texels, int width, int height, const Ve
          (texel(x0, y1) * (1.f - ds) + texel(x1, y1) * ds) * dt;
 }
 
+// The nearest texel; the first row is at v = 0. uv in [0, 1].
+inline Rgb nearest(std::span<const Rgb> texels, int width, int height, const Vec2& uv) {
+  const auto at = [](float x, int size) {
+    return static_cast<std::size_t>(std::clamp(static_cast<int>(x * static_cast<float>(size)), 0, size - 1));
+  };
+  return texels[at(uv.y, height) * static_cast<std::size_t>(width) + at(uv.x, width)];
+}
+
 // What a point light's intensity is multiplied with, by direction.
 class DirectionalMap {
  public:
@@ -55,11 +63,13 @@ class DirectionalMap {
   std::uint64_t bytes() const { return map_.texels.size() * sizeof(Rgb); }
 
  private:
+  Rgb lookup(const Vec2& uv) const;
   // pbrt-v4: the light gives so much in all directions together, for an intensity of 1.
   void set_power(float power);
 
   Kind kind_;
   bool equal_area_ = false;  // goniometric: pbrt-v4's square map
+  bool nearest_ = false;     // as pbrt-v4 looks them up
   LightMap map_;  // empty: 1 everywhere
   glm::mat3 world_to_light_{1.f};
   Vec2 screen_{1.f};   // projection: half sizes of the rectangle

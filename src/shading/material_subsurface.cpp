@@ -8,6 +8,15 @@
 namespace cloudrenderer {
 namespace {
 
+// Of diffuse light that meets the boundary, the share that is reflected, by the fit of Egan and Hilgeman (1979) as in pbrt-v2,
+// which takes what passes by it of all light that its dipole brings back.
+float reflected_inside(float eta) {
+  const float i = 1.f / eta;
+  const float share = eta >= 1.f ? -1.4399f * i * i + 0.7099f * i + 0.6681f + 0.0636f * eta
+                                 : -0.4399f + 0.7099f * i - 0.3319f * i * i + 0.0636f * i * i * i;
+  return std::clamp(share, 0.f, 1.f);
+}
+
 // The boundary: smooth in pbrt-v2, in pbrt-v3 also rough. Kr and Kt colour what it reflects and lets in.
 class Boundary {
  public:
@@ -26,6 +35,7 @@ class Boundary {
   void from_inside(const TexturePoint& at, SubsurfacePoint& out) const {
     out.boundary = lobe(at, Rgb(1.f), Rgb(1.f));
     out.eta = out.boundary.eta.x;
+    if (!v3_) out.matte_exit = 1.f - reflected_inside(out.eta);
   }
 
  private:

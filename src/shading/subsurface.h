@@ -25,6 +25,9 @@ struct SubsurfacePoint {
   InteriorMedium medium;
   Lobe boundary;   // as light inside that has not been scattered yet meets it: a dielectric that absorbs nothing
   float eta = 1;   // index inside over outside
+  // Of scattered light that comes to the surface: pbrt-v2's share that passes, which leaves a matte surface; 0: by Fresnel's
+  // formulas.
+  float matte_exit = 0;
 };
 
 // Which share of the light that has entered a half-space of an isotropic medium leaves it again, for light from all

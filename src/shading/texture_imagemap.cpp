@@ -11,15 +11,15 @@ template <class T>
 class ImagemapTexture final : public Texture<T>, public TableTexture {
  public:
   ImagemapTexture(const TextureMapping& mapping, const ImagePyramid* image,
-                  const ImageFilter& filter)
-      : mapping_(mapping), image_(image), filter_(filter) {}
+                  const ImageFilter& filter, bool at_most_one)
+      : mapping_(mapping), image_(image), filter_(filter), at_most_one_(at_most_one) {}
   T eval(const TexturePoint& at) const override {
     const TextureCoordinates c = mapping_(at);
     const Rgb v = image_->lookup(c.st, c.dstdx, c.dstdy, filter_);
     if constexpr (std::is_same_v<T, float>)
       return v.x;
     else
-      return v;
+      return at_most_one_ ? glm::min(v, Rgb(1.f)) : v;
   }
   void prefetch(const TexturePoint& at) const override { image_->prefetch(mapping_(at).st, filter_.wrap); }
 
@@ -27,6 +27,7 @@ class ImagemapTexture final : public Texture<T>, public TableTexture {
   TextureMapping mapping_;
   const ImagePyramid* image_;
   ImageFilter filter_;
+  bool at_most_one_;  // before textures that it is part of
 };
 
 bool ends_with(std::string_view s, std::string_view end) {
@@ -106,7 +107,7 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   const TextureMapping mapping(in);
   try {
     const ImagePyramid* image = in.images.get(path, encoding, p.find("filename")->location);
-    auto texture = std::make_unique<ImagemapTexture<T>>(mapping, image, filter);
+    auto texture = std::make_unique<ImagemapTexture<T>>(mapping, image, filter, p.boolean("albedo", false));
     in.params.needs().tables.push_back(texture.get());
     return texture;
   } catch (const SceneError& e) {

@@ -94,7 +94,7 @@ template <class F>
     const Vec3Of<F> unit = safe_normalize(s.n);
     const MaskOf<F> given = !lanes::is_black(unit);
     s.ns = lanes::select(given, unit, s.ns);
-    if (dialect == Dialect::v3) s.ng = lanes::select(given && glm::dot(s.ng, s.ns) < 0.f, -s.ng, s.ng);
+    if (dialect != Dialect::v2) s.ng = lanes::select(given && glm::dot(s.ng, s.ns) < 0.f, -s.ng, s.ng);
   }
   return s;
 }
@@ -142,6 +142,17 @@ template <class F>
     const Vec3 du = (d1.y * n0 - d0.y * n1) * scale, dv = (d0.x * n1 - d1.x * n0) * scale;
     s.dndu = du - s.ns * glm::dot(s.ns, du);
     s.dndv = dv - s.ns * glm::dot(s.ns, dv);
+  }
+  if (dialect == Dialect::v4) {
+    // dpdu keeps its length and its side, and gives dpdv its length.
+    const Vec3 t = glm::cross(s.ns, s.dpdu);
+    if (t == Vec3(0.f)) {
+      orthonormal_basis(s.ns, s.shading_dpdu, s.shading_dpdv);
+    } else {
+      s.shading_dpdu = glm::cross(t, s.ns);
+      s.shading_dpdv = t;
+    }
+    return s;
   }
   const Vec3 t = safe_normalize(glm::cross(safe_normalize(s.dpdu), s.ns));
   if (t == Vec3(0.f)) {
