@@ -18,7 +18,7 @@ namespace {
 // A value that any parameter of this type and name may have.
 std::string value_of(const LanguageRow& row, const LanguageParam& p) {
   const std::string name(p.name), type(p.type);
-  static const std::map<std::string, std::string> kNamed{
+  static const std::map<std::string, std::string> kNamed{{"portal", "[0 0 0 0 1 0 1 1 0 1 0 0]"}, 
       {"shutteropen", "0"},
       {"indices", "[0 1 2]"},   {"P", "[0 0 0 1 0 0 0 1 0]"},
       {"N", "[0 0 1 0 0 1 0 0 1]"}, {"S", "[1 0 0 1 0 0 1 0 0]"},

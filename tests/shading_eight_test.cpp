@@ -139,7 +139,7 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
   const auto add_map = [&](Scene& s) {
     s.light("infinite", {string("mapname", map.path())}, Transform(glm::rotate(Mat4(1.f), 1.f, Vec3(1, 2, 3))));
   };
-  std::vector<Scene> scenes(7);
+  std::vector<Scene> scenes(8);
   scenes[0].quadric(sphere({0, 0, 2}, 1.5f), {1, 2, 3});
   add_flat(scenes[1]);
   add_delta(scenes[2]);
@@ -155,6 +155,8 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
   disk.kind = QuadricKind::disk;
   disk.z_min = disk.z_max = 0;
   scenes[6].quadric(disk, Rgb(4)).quadric(disk, Rgb(3), true);
+  scenes[7].light("infinite", {string("mapname", map.path()), portal({-1, -2, 1}, {-1, 1, 1}, {2, 1, 1})});
+  scenes[7].light("infinite", {color("L", Rgb(0.5f)), portal({3, 1, -1}, {3, -1, -1}, {3, -1, 1})});
   Uniform u;
   int found = 0;
   for (std::size_t number = 0; number < scenes.size(); ++number) {

@@ -12,7 +12,7 @@ namespace {
 
 using namespace test;
 
-constexpr int kTests = 14;  // calls of expect_distribution
+constexpr int kTests = 18;  // calls of expect_distribution
 
 using Density = std::function<float(const Vec3&)>;
 
@@ -77,6 +77,34 @@ TEST(LightDistributions, InfiniteWithoutMap) {
   const Vec3 n = glm::normalize(Vec3(1, 2, 3));
   for (const Vec3& normal : {Vec3(0), n})
     expect_distribution(*lights, Vec3(0), normal, [&](const Vec3& d) { return infinite_density(*lights, Vec3(0), normal, d); }, 2);
+}
+
+// Half of the samples go to the portal, whichever side it is seen from.
+TEST(LightDistributions, InfiniteWithPortals) {
+  const MapFile map(16, 8, rough);
+  const auto high = portal({-1, -2, 1.5f}, {-1, 1, 1.5f}, {2, 1, 1.5f}), away = portal({3, 1, -1}, {3, -1, -1}, {3, -1, 1});
+  for (const Vec3& p : {Vec3(0), Vec3(0.5f, 0.2f, 2.f)}) {
+    const auto one = Scene().light("infinite", {string("mapname", map.path()), high}).build();
+    expect_distribution(*one, p, Vec3(0), [&](const Vec3& d) { return infinite_density(*one, p, Vec3(0), d); }, 8);
+    const auto two = Scene().light("infinite", {string("mapname", map.path()), high}).light("infinite", {away}).build();
+    expect_distribution(*two, p, Vec3(0), [&](const Vec3& d) { return infinite_density(*two, p, Vec3(0), d); }, 8);
+  }
+}
+
+TEST(Portals, ShowLightOnOneSideOnly) {
+  const auto lights = Scene().light("infinite", {portal({-1, -1, 1}, {-1, 1, 1}, {1, 1, 1})}).build();
+  EXPECT_TRUE(lights->has_portals());
+  const auto seen = [&](const Vec3& p, const Vec3& d) {
+    float pdf;
+    return lights->escaped(p, Vec3(0), glm::normalize(d), pdf).x;
+  };
+  EXPECT_EQ(seen({0, 0, 0}, {0, 0, 1}), 1.f);
+  EXPECT_EQ(seen({0, 0, 0}, {0.99f, -0.99f, 1}), 1.f);
+  EXPECT_EQ(seen({0, 0, 0}, {1.01f, 0, 1}), 0.f);
+  EXPECT_EQ(seen({5, 0, 0}, {-5, 0, 1}), 1.f);
+  EXPECT_EQ(seen({0, 0, 2}, {0, 0, 1}), 0.f) << "behind it";
+  EXPECT_EQ(seen({0, 0, 2}, {0, 0, -1}), 0.f) << "from behind";
+  EXPECT_EQ(seen({0, 0, 0}, {1, 0, 0}), 0.f);
 }
 
 void expect_quadric_distribution(const Quadric& q, const Vec3& p) {

@@ -29,6 +29,14 @@ inline Param point(const std::string& name, const Vec3& v) {
   return p;
 }
 
+// The rectangle with these corners, three in the order of pbrt-v4.
+inline Param portal(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const Vec3 d = a + c - b;
+  Param p = reals("portal", {a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z, d.x, d.y, d.z});
+  p.type = ParamType::point3;
+  return p;
+}
+
 // A scene made of lights only.
 struct Scene {
   SceneDescription description;

@@ -18,7 +18,7 @@ constexpr LanguageRow kRows[] = {
     {"LightSource", "spot", kV23, kDone, "spectrum I, spectrum scale, point from, point to, float coneangle, float conedeltaangle", ""},
     {"LightSource", "distant", kInV4, kDone, "spectrum L, float scale, float illuminance, point3 from, point3 to", ""},
     {"LightSource", "goniometric", kInV4, kDone, "spectrum I, float scale, float power, string filename", "a square map of equal areas"},
-    {"LightSource", "infinite", kInV4, kDone, "spectrum L, float scale, float illuminance, string filename, ~point3 portal", "a square map of equal areas; portals are ignored"},
+    {"LightSource", "infinite", kInV4, kDone, "spectrum L, float scale, float illuminance, string filename, point3 portal", "a square map of equal areas"},
     {"LightSource", "point", kInV4, kDone, "spectrum I, float scale, float power, point3 from", ""},
     {"LightSource", "projection", kInV4, kDone, "float scale, float power, float fov, string filename", ""},
     {"LightSource", "spot", kInV4, kDone, "spectrum I, float scale, float power, point3 from, point3 to, float coneangle, float conedeltaangle", ""},

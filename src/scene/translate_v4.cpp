@@ -124,8 +124,6 @@ void V4Translator::light(Entity& e, DMat4& ctm) const {
     if (illuminance > 0.f) scale *= illuminance;
     p.take("illuminance");
   } else if (e.type == "infinite") {
-    if (p.has("portal")) warn_(e.location, "the light's portal is ignored: it shines everywhere");
-    p.take("portal");
     if (p.has("filename")) {
       if (p.take("L")) warn_(e.location, "an infinite light has a \"filename\" or an \"L\", not both: \"L\" is ignored");
       map();  // what the map gives an upward patch is known when it is read

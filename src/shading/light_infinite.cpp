@@ -31,6 +31,7 @@ InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool rea
   if (!desc.light_to_world.is_invertible() || !std::isfinite(inverse_volume_))
     throw SceneError{desc.location, "the light's transformation cannot be inverted"};
   mean_ = constant_;
+  portal_ = Portal::of(desc, warnings);
   LightMap map = read_light_map(desc, "mapname", constant_, read, "the light is constant", warnings);
   width_ = map.width;
   height_ = map.height;
@@ -218,11 +219,39 @@ Vec3Of<F> InfiniteLight::radiance_and_pdf(MaskOf<F> active, const Vec3Of<F>& n, 
   return lookup<F>(active, m.uv);
 }
 
+template <class F>
+MaskOf<F> InfiniteLight::sample_at(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u, Vec3Of<F>& direction,
+                                   F& pdf, Vec3Of<F>& radiance) const {
+  if (!portal_) return sample<F>(active, n, u, direction, pdf, radiance);
+  const MaskOf<F> through = u.x < 0.5f;
+  const Vec2Of<F> again{lanes::select(through, u.x, u.x - 0.5f) * 2.f, u.y};
+  const MaskOf<F> found = sample<F>(active, n, again, direction, pdf, radiance);
+  const Vec3Of<F> way = portal_->point<F>(again) - p;
+  direction = lanes::select(through, way * (1.f / lanes::sqrt(glm::dot(way, way))), direction);
+  radiance = radiance_and_pdf_at<F>(active, p, n, direction, pdf);
+  return active && (through || found) && pdf > 0.f && pdf < kInfinity;
+}
+
+template <class F>
+Vec3Of<F> InfiniteLight::radiance_and_pdf_at(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec3Of<F>& direction,
+                                             F& pdf) const {
+  const Vec3Of<F> radiance = radiance_and_pdf<F>(active, n, direction, pdf);
+  if (!portal_) return radiance;
+  F density;
+  const MaskOf<F> passes = portal_->passes<F>(p, direction, density);
+  pdf = 0.5f * (pdf + density);
+  return lanes::select(passes, radiance, Vec3Of<F>(F(0.f)));
+}
+
 template Vec3 InfiniteLight::radiance<float>(bool, const Vec3&) const;
 template Vec3x8 InfiniteLight::radiance<Float8>(Mask8, const Vec3x8&) const;
 template bool InfiniteLight::sample<float>(bool, const Vec3&, const Vec2&, Vec3&, float&, Vec3&) const;
 template Mask8 InfiniteLight::sample<Float8>(Mask8, const Vec3x8&, const Vec2x8&, Vec3x8&, Float8&, Vec3x8&) const;
 template Vec3 InfiniteLight::radiance_and_pdf<float>(bool, const Vec3&, const Vec3&, float&) const;
 template Vec3x8 InfiniteLight::radiance_and_pdf<Float8>(Mask8, const Vec3x8&, const Vec3x8&, Float8&) const;
+template bool InfiniteLight::sample_at<float>(bool, const Vec3&, const Vec3&, const Vec2&, Vec3&, float&, Vec3&) const;
+template Mask8 InfiniteLight::sample_at<Float8>(Mask8, const Vec3x8&, const Vec3x8&, const Vec2x8&, Vec3x8&, Float8&, Vec3x8&) const;
+template Vec3 InfiniteLight::radiance_and_pdf_at<float>(bool, const Vec3&, const Vec3&, const Vec3&, float&) const;
+template Vec3x8 InfiniteLight::radiance_and_pdf_at<Float8>(Mask8, const Vec3x8&, const Vec3x8&, const Vec3x8&, Float8&) const;
 
 }  // namespace cloudrenderer

@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "base/sampling.h"
 #include "scene/description.h"
+#include "shading/light_portal.h"
 
 namespace cloudrenderer {
 
@@ -30,6 +31,13 @@ class InfiniteLight {
   // Radiance and what sample() has for the direction.
   template <class F>
   Vec3Of<F> radiance_and_pdf(MaskOf<F> active, const Vec3Of<F>& n, const Vec3Of<F>& direction, F& pdf) const;
+  // Both at the point p, where a portal counts: half of the samples go through it.
+  template <class F>
+  MaskOf<F> sample_at(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec2Of<F>& u, Vec3Of<F>& direction, F& pdf,
+                      Vec3Of<F>& radiance) const;
+  template <class F>
+  Vec3Of<F> radiance_and_pdf_at(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& n, const Vec3Of<F>& direction, F& pdf) const;
+  const std::optional<Portal>& portal() const { return portal_; }
   std::uint64_t bytes() const { return texels_.size() * sizeof(Rgb) + distribution_.bytes(); }
 
  private:
@@ -53,6 +61,7 @@ class InfiniteLight {
   glm::mat3 to_world_{1.f}, to_light_{1.f};
   float inverse_volume_ = 1;  // 1 / |det to_world_|
   Rgb constant_{1.f}, mean_{1.f};
+  std::optional<Portal> portal_;
   bool equal_area_ = false;
   int width_ = 0, height_ = 0;
   std::vector<Rgb> texels_;

@@ -184,6 +184,8 @@ bool LightRays::emit_from_outside(const Emitter& e, const Vec2& u_point, const V
   }
   out.weight /= across(out.origin, towards, chosen);
   out.direction = -towards;
+  if (e.kind == EmitterKind::infinite)
+    if (const auto& portal = records_.infinite[e.index].portal()) return portal->enters(out.origin, towards);
   out.origin += towards * (1.01f * radius_ - glm::dot(out.origin - center_, towards));
   return true;
 }

@@ -32,6 +32,7 @@ class SceneLights final : public Lights {
 
   bool empty() const override { return emitters_.empty() && !emits_; }
   bool has_infinite() const override { return !infinite_.empty(); }
+  bool has_portals() const override { return std::ranges::any_of(infinite_, [](const InfiniteLight& l) { return l.portal().has_value(); }); }
   bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
   bool has_v2_disk() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e); }); }
   bool disagrees() const override {
@@ -40,8 +41,7 @@ class SceneLights final : public Lights {
   }
   std::uint64_t bytes() const override {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
-                      quadrics_.size() * sizeof(EmissiveQuadric) +
-                      by_primitive_.size() * sizeof(std::uint32_t) +
+                      quadrics_.size() * sizeof(EmissiveQuadric) + by_primitive_.size() * sizeof(std::uint32_t) +
                       emissions_.size() * sizeof(Emission) + powers_.size() * sizeof(float) + rays_.bytes();
     for (const InfiniteLight& light : infinite_) n += light.bytes();
     for (const DirectionalMap& map : maps_) n += map.bytes();
@@ -185,7 +185,7 @@ class SceneLights final : public Lights {
     pdf = 0.f;
     for (std::size_t i = 0; i < infinite_.size(); ++i) {
       F density;
-      sum += infinite_[i].radiance_and_pdf<F>(active, n, direction, density);
+      sum += infinite_[i].radiance_and_pdf_at<F>(active, p, n, direction, density);
       const MaskOf<F> possible = active && density > 0.f;
       if (!choice_.single())
         lanes::for_each(possible, [&](std::size_t lane) {
@@ -247,7 +247,7 @@ class SceneLights final : public Lights {
       case EmitterKind::infinite:
         out.distance = kInfinity;
         out.delta = MaskOf<F>(false);
-        return infinite_[e.index].sample<F>(active, n, u, out.wi, out.pdf, out.radiance);
+        return infinite_[e.index].sample_at<F>(active, p, n, u, out.wi, out.pdf, out.radiance);
       default:
         break;
     }

@@ -53,6 +53,7 @@ class Lights {
   virtual ~Lights() = default;
   virtual bool empty() const = 0;
   virtual bool has_infinite() const = 0;
+  virtual bool has_portals() const = 0;  // then light from outside depends on the place, and escaped(direction) is not for them
   virtual bool has_choice() const = 0;  // there is more than one light; without, sample() takes any u_light
   virtual std::uint64_t bytes() const = 0;
   // There is a disk of pbrt-v2, whose light depends on the weights of the estimates (LightSample::weight_pdf): these
