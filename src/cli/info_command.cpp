@@ -52,10 +52,9 @@ void print_counts(const char* what, const Counts& counts) {
   fmt::print("{:<12}{}{}\n", what, total, kinds.empty() ? "" : " (" + kinds + ")");
 }
 
-void print_description(const SceneDescription& scene, Dialect dialect, Warnings& warnings) {
+void print_description(const SceneDescription& scene, const JobSettings& job, Dialect dialect) {
   fmt::print("{:<12}{}\n", "dialect", dialect_name(dialect));
   fmt::print("{:<12}{}\n", "camera", scene.camera.type);
-  const JobSettings job = job_settings(scene, {}, warnings);
   const FilmFrame& f = job.film.frame;
   fmt::print("{:<12}{} x {}, window [{}, {}) x [{}, {}), {}\n", "film", f.width, f.height, f.x0,
              f.x1, f.y0, f.y1, job.film.filename);
@@ -127,7 +126,8 @@ int info_of_split(const std::string& folder) {
   const Manifest m = open_split(folder);
   Warnings warnings;
   fmt::print("{:<12}{} (split of {})\n", "scene", folder, m.scene.source);
-  print_description(m.scene, m.scene.dialect, warnings);
+  const JobSettings job = job_settings(m.scene, {}, warnings);
+  print_description(m.scene, job, m.scene.dialect);
   std::uint64_t bytes = 0, largest = 0;
   for (const PartInfo& p : m.parts) {
     bytes += p.loaded_bytes;
@@ -149,7 +149,7 @@ int info_of_split(const std::string& folder) {
                m.parts[i].prototypes.size());
   ShapeNeeds shapes{0, m.shape_lights.size()};
   for (const PartInfo& p : m.parts) shapes.features |= p.features;
-  const SceneNeeds needs = scene_needs(m.scene, job_settings(m.scene, {}, warnings), warnings);
+  const SceneNeeds needs = scene_needs(m.scene, job, warnings);
   print_model(needs, shapes);
   fmt::print("{:<12}{} bytes on the wire, radiance left out\n", "path", wire::segment_bytes(columns_of(m, needs), 0));
   print_warnings(warnings.list());
@@ -166,10 +166,11 @@ int info_of_scene(const InfoOptions& options) {
   parse.use = &use;
   const SceneDescription scene = parse_scene(options.scene, parse, sink, warnings);
   fmt::print("{:<12}{}\n", "scene", options.scene);
-  print_description(scene, use.dialect(), warnings);
+  const JobSettings job = job_settings(scene, {}, warnings);
+  print_description(scene, job, use.dialect());
   fmt::print("{:<12}{}\n", "emissive", sink.emissive);
   print_counts("shapes", sink.shapes);
-  const SceneNeeds needs = scene_needs(scene, job_settings(scene, {}, warnings), warnings);
+  const SceneNeeds needs = scene_needs(scene, job, warnings);
   fmt::print("{:<12}{} instances of {} objects\n", "instancing", sink.instances, sink.objects);
   if (sink.moving || scene.camera.motion)
     fmt::print("{:<12}{} shapes and instances{}\n", "moving", sink.moving, scene.camera.motion ? ", the camera" : "");
