@@ -229,6 +229,21 @@ TEST_F(V4Scenes, PicturesOfAlbedosEndAtOne) {
                    "Material \"conductor\" \"texture eta\" \"t\" \"rgb k\" [1 1 1]"), 0.1722f, 2e-3f);
 }
 
+TEST_F(V4Scenes, LampsThatAConstantMaskHidesShine) {
+  const auto lit = [&](const std::string& alpha) {
+    const auto scene = picture("LookAt 0 0 3 0 0 0 0 1 0\nCamera \"orthographic\" \"float screenwindow\" [-.1 .1 -.1 .1]\nFilm \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2 \"string filename\" \"x.exr\"\n"
+                               "Sampler \"zsobol\" \"integer pixelsamples\" 64\nIntegrator \"path\" \"integer maxdepth\" 1\nWorldBegin\n"
+                               "Texture \"none\" \"float\" \"constant\" \"float value\" 0\nMaterial \"diffuse\" \"rgb reflectance\" [1 1 1]\nShape \"disk\" \"float radius\" 20\n"
+                               "AreaLightSource \"diffuse\" \"rgb L\" [10 10 10]\nTranslate 0 0 6\nReverseOrientation\n"
+                               "Shape \"trianglemesh\" \"point3 P\" [-.5 -.5 0 .5 -.5 0 .5 .5 0 -.5 .5 0] \"integer indices\" [0 1 2 0 2 3] " + alpha + "\n",
+                               Dialect::v4);
+    EXPECT_EQ(scene.error, "");
+    return scene.pixels.empty() ? 0.f : scene.pixels[0];
+  };
+  // 10 / pi times the form factor of a unit square at distance 6 above.
+  for (const char* alpha : {"", "\"float alpha\" 0", "\"texture alpha\" \"none\""}) EXPECT_NEAR(lit(alpha), 10 / kPi / 36 * 0.9908f, 2e-3f) << alpha;
+}
+
 TEST_F(V4Scenes, ParametersGoOnBehindAnInclude) {
   write_file(folder_.path("dense.pbrt"), "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" [1]\n");
   write_file(folder_.path("outer.pbrt"), "Include \"dense.pbrt\"\n");

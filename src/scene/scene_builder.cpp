@@ -222,9 +222,22 @@ void SceneBuilder::take_normal_map(GraphicsState& state, Entity& material) {
   material.params.add(std::move(texture));
 }
 
+// pbrt-v4 takes a mask that is constantly 0 from lamps, however it is written.
+bool SceneBuilder::is_zero_texture(const GraphicsState& state, const Param& mask) const {
+  if (mask.type != ParamType::texture || mask.strings.size() != 1) return false;
+  const std::string* name = state.float_textures.find(mask.strings[0]);
+  if (!name) return false;
+  const auto found = std::ranges::find(scene_.textures, *name, &TextureDesc::name);
+  return found != scene_.textures.end() && found->type == "constant" && found->params.real("value", 1.f) == 0.f;
+}
+
 void SceneBuilder::mask_by_chance(GraphicsState& state, Entity& shape) {
   const Param* given = shape.params.find("alpha");
   if (!given) return;
+  if (state.area_light && is_zero_texture(state, *given)) {
+    shape.params.add(make_real("alpha", 0.f, given->location));
+    given = shape.params.find("alpha");
+  }
   if (given->type == ParamType::real && given->reals.size() == 1 && given->reals[0] >= 1.f) {
     shape.params.take("alpha");  // nothing passes
     return;

@@ -58,6 +58,7 @@ class SceneBuilder {
   // Integrators that know media let shadow rays pass surfaces without a material, media or not: they get a vacuum.
   void let_shadows_pass();
   void limit_albedos();
+  bool is_zero_texture(const GraphicsState& state, const Param& mask) const;
   void check_room_for_media(const FileLocation& where) const;
   std::optional<GridDesc> put_medium(MediumId id, Entity entity, const DMat4& ctm);
   MaterialId material_of(const GraphicsState& state, const ShapeDesc& shape);
