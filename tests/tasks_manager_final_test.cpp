@@ -121,5 +121,22 @@ TEST(FinalCounters, OfEveryHostAreWaitedForWhateverTheOthersSayAfterTheirs) {
   EXPECT_EQ(c.core.hosts().at(a).last.counters().bytes_sent(), 500u);
 }
 
+TEST(FinalCounters, CountFromTheEndOfTheJobOn) {
+  Cluster c;
+  const HostId a = c.join(), b = c.join();
+  c.report_loaded(a);
+  c.report_loaded(b);
+  c.core.receive(a, final_status(1), c.now);  // nobody has asked
+  wire::Status beat;
+  beat.mutable_counters()->set_bytes_sent(2);
+  c.core.receive(a, beat, c.now);
+  EXPECT_EQ(c.core.hosts().at(a).last.counters().bytes_sent(), 2u);
+  c.work();
+  c.core.receive(b, final_status(600), c.now);
+  EXPECT_EQ(c.core.phase(), Phase::ending);
+  c.core.receive(a, final_status(500), c.now);
+  EXPECT_EQ(c.core.phase(), Phase::done);
+}
+
 }  // namespace
 }  // namespace cloudrenderer::manager_test

@@ -90,7 +90,7 @@ constexpr auto kParamSigns = std::to_array<ParamSign>({{"rgb", "reflectance", kV
                                                        {"texture", "displacement", kV4}});
 // Of light sources, whose other parameters have these names elsewhere.
 constexpr auto kLightSigns = std::to_array<ParamSign>({{"string", "filename", kV4}, {"float", "scale", kV4}, {"float", "power", kV4}});
-
+// Likewise of films.
 constexpr auto kFilmSigns = std::to_array<ParamSign>({{"float", "scale", kV3}});
 
 class Detector {

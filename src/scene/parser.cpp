@@ -164,23 +164,20 @@ void Parser::world_begin(const Token& t) {
 bool Parser::skip_world(const Token& t) {
   std::optional<Entity>& renderer = builder_.scene().renderer;
   if (!renderer || (renderer->type != "surfacepoints" && renderer->type != "createprobes")) return false;
-  Lexer ahead = lexer(), behind = ahead;
-  bool ended = false;
+  Lexer ahead = lexer();
+  std::optional<Lexer> behind;
   for (Token next = ahead.next(); next.kind != Token::Kind::end; next = ahead.next()) {
     if (next.kind == Token::Kind::open) ahead.skip_array();
     if (next.kind != Token::Kind::word) continue;
-    if (ended && next.text == "WorldBegin") {
+    if (behind && next.text == "WorldBegin") {
       builder_.warn_once(location(t), "the world of Renderer \"" + renderer->type + "\" is left out: it has no picture");
-      lexer() = std::move(behind);
+      lexer() = std::move(*behind);
       renderer.reset();
       ctm_ = {};
       active_ = Active::all;
       return true;
     }
-    if (!ended && next.text == "WorldEnd") {
-      ended = true;
-      behind = ahead;
-    }
+    if (!behind && next.text == "WorldEnd") behind = ahead;
   }
   builder_.warn_once(location(t), "Renderer \"" + renderer->type + "\" has no picture: the surface integrator is used");
   return false;

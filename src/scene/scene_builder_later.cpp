@@ -1,7 +1,9 @@
 // pbrt-v4: names are of the whole scene, and may be used before what they name is made.
 #include <algorithm>
+#include <array>
 #include <ranges>
 #include <set>
+#include <string_view>
 
 #include "scene/param_make.h"
 #include "scene/scene_builder.h"
@@ -92,9 +94,10 @@ void SceneBuilder::limit_albedos() {
   const auto add = [&](const Param& p) {
     if (p.type == ParamType::texture && !p.strings.empty()) unbounded.insert(p.strings[0]);
   };
+  constexpr std::array<std::string_view, 5> kUnbounded{"eta", "k", "sigma_a", "sigma_s", "mfp"};
   for (const MaterialDesc& material : scene_.materials)
-    for (const Param& p : material.params.all())
-      if (p.name == "eta" || p.name == "k" || p.name == "sigma_a" || p.name == "sigma_s" || p.name == "mfp") add(p);
+    for (const Param& p : material.params.all())  // of a layer: "conductor.eta"
+      if (std::ranges::find(kUnbounded, std::string_view(p.name).substr(p.name.rfind('.') + 1)) != kUnbounded.end()) add(p);
   for (TextureDesc& texture : scene_.textures | std::views::reverse) {  // behind those that they are made of
     if (unbounded.contains(texture.name))
       for (const Param& p : texture.params.all()) add(p);

@@ -265,7 +265,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Status& m, double now) {
     if (hosts_.contains(HostId(peer)) && HostId(peer) != from)
       unreachable_since_.try_emplace(HostId(peer), now);
   take_counters(from, m);
-  h.final = m.final();
+  h.final = m.final() && phase_ == Phase::ending;  // nobody is asked for it before
   if (h.final) ++finals_;
   h.status = std::move(m);
   end_pause(*h.team, now);
