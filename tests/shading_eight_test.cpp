@@ -194,13 +194,13 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
       for (std::size_t i = 0; i < kLanes; ++i) lanes::put(away, i, direction(u));
       Float8 pdf;
       const Mask8 some = lanes::from_mask_bits(active);
-      const Vec3x8 weighed = lights->escaped(some, p, n, away, pdf), seen = lights->escaped(some, away);
+      const Vec3x8 weighed = lights->escaped(some, p, n, away, pdf), seen = lights->escaped(some, p, away);
       lanes::for_each(some, [&](std::size_t i) {
         SCOPED_TRACE("scene " + std::to_string(number) + " round " + std::to_string(round) + " lane " + std::to_string(i));
         float one_pdf;
         expect_bits(lights->escaped(lanes::get(p, i), lanes::get(n, i), lanes::get(away, i), one_pdf), lanes::get(weighed, i));
         expect_bits(one_pdf, lanes::get(pdf, i));
-        expect_bits(lights->escaped(lanes::get(away, i)), lanes::get(seen, i));
+        expect_bits(lights->escaped(lanes::get(p, i), lanes::get(away, i)), lanes::get(seen, i));
       });
     }
   }

@@ -310,7 +310,7 @@ TEST(InfiniteLights, MapPointsWherePbrtPointsIt) {
       Scene().light("infinite", {string("mapname", map.path()), color("L", {1, 1, 2})}).build();
   const auto texel = [&](double phi, double theta) {
     return lights->escaped(
-        Vec3(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)));
+        Vec3(0), Vec3(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)));
   };
   const double quarter = 3.14159265358979 / 4;
   for (int y = 0; y < 2; ++y)
@@ -337,7 +337,7 @@ TEST(InfiniteLights, MapSamplesAgreeWithUniformOnes) {
       for (int x = 0; x < kSide; ++x) {
         const Vec3 d = sample_uniform_sphere<float>(
             {(static_cast<float>(x) + 0.5f) / kSide, (static_cast<float>(y) + 0.5f) / kSide});
-        sum += glm::dvec3(lights->escaped(d) * std::max(0.f, glm::dot(n, d)));
+        sum += glm::dvec3(lights->escaped(Vec3(0), d) * std::max(0.f, glm::dot(n, d)));
       }
     const Rgb expected = Rgb(sum * (4 * 3.14159265358979 / (kSide * kSide)));
     expect_ratio(irradiance(*lights, Vec3(0), n, 90000), expected);
@@ -366,7 +366,7 @@ TEST(InfiniteLights, DensityIntegratesToOneAndIsThatOfSamples) {
     const Rgb radiance = lights->escaped(Vec3(0), Vec3(0), s.wi, pdf);
     EXPECT_NEAR(pdf / s.pdf, 1, 1e-4);
     EXPECT_EQ(radiance, s.radiance);
-    EXPECT_EQ(radiance, lights->escaped(s.wi));
+    EXPECT_EQ(radiance, lights->escaped(Vec3(0), s.wi));
   }
 }
 
@@ -375,7 +375,7 @@ TEST(InfiniteLights, MissingMapIsConstantWithAWarning) {
   const auto lights =
       scene.light("infinite", {string("mapname", "/no/such/map.exr"), color("L", Rgb(3))}).build();
   EXPECT_EQ(scene.warnings.list().size(), 1u);
-  EXPECT_EQ(lights->escaped({0, 0, 1}), Rgb(3));
+  EXPECT_EQ(lights->escaped(Vec3(0), {0, 0, 1}), Rgb(3));
 }
 
 }  // namespace

@@ -94,7 +94,6 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   first_pair_ = lights_->has_choice() ? 0 : 1;
   fixed_units_ = fixed_units(job.k);
   infinite_lights_ = lights_->has_infinite();
-  portals_ = lights_->has_portals();
   hittable_lights_ = infinite_lights_ || !manifest.shape_lights.empty();
   camera_ = Camera::build(manifest.scene.camera, job.film.frame, manifest.scene.dialect, warnings,
                           film_diagonal(manifest.scene.film));

@@ -92,7 +92,6 @@ class PathTracer final : public PathEngine {
   bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::has_v2_disk)
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool infinite_lights_;  // light comes from outside
-  bool portals_;          // so that it depends on the place
   bool footprint_;
   std::string_view no_light_paths_;
   bool uv_ = false;  // points on surfaces are asked for theirs

@@ -136,9 +136,8 @@ Vec3Of<F> PathTracer::Shader::escaped(MaskOf<F> active, const EscapeOf<F>& e, bo
     if constexpr (std::is_same_v<F, float>) return tracer.lights_->escaped(asked...);
     else return tracer.lights_->escaped(active, asked...);
   };
-  if (!weighted && !tracer.portals_) return e.throughput * infinite(e.direction);
+  if (!weighted) return e.throughput * infinite(e.from, e.direction);
   F pdf;
-  if (!weighted) return e.throughput * infinite(e.from, Vec3Of<F>(F(0.f)), e.direction, pdf);
   const Vec3Of<F> radiance = infinite(e.from, e.normal, e.direction, pdf);
   return e.throughput * radiance * power_weight(e.pdf, pdf);
 }
@@ -150,7 +149,7 @@ void PathTracer::Shader::escape() {
     float weight = 1, pdf;
     Rgb radiance;
     if (s.flags & kSpecularBounce) {
-      radiance = tracer.portals_ ? tracer.lights_->escaped(s.scattered_at(), Vec3(0.f), s.direction, pdf) : tracer.lights_->escaped(s.direction);
+      radiance = tracer.lights_->escaped(s.scattered_at(), s.direction);
     } else {
       radiance = tracer.lights_->escaped(s.scattered_at(), s.previous_normal, s.direction, pdf);
       weight = power_weight(s.previous_pdf, pdf);

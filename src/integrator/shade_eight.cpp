@@ -97,13 +97,12 @@ void PathTracer::EightShader::shade(Escapes& e, bool weighted) {
     const PathSegment& s = batch_.segments[e.segments[lane < e.count ? lane : 0]];
     at.put(0, lane, s.direction);
     at.put(3, lane, s.throughput);
-    if (weighted || shader_.tracer.portals_) at.put(6, lane, s.scattered_at());
+    at.put(6, lane, s.scattered_at());
     if (!weighted) continue;
     at.put(9, lane, s.previous_normal);
     at.at[12][lane] = s.previous_pdf;
   }
-  EscapeOf<Float8> escape{at.three(0), at.three(3), {}, {}, {}};
-  if (weighted || shader_.tracer.portals_) escape.from = at.three(6);
+  EscapeOf<Float8> escape{at.three(0), at.three(3), at.three(6), {}, {}};
   if (weighted) {
     escape.normal = at.three(9);
     escape.pdf = at.one(12);

@@ -171,8 +171,10 @@ F InfiniteLight::map_pdf(MaskOf<F> active, const MapPoint<F>& m) const {
 }
 
 template <class F>
-Vec3Of<F> InfiniteLight::radiance(MaskOf<F> active, const Vec3Of<F>& direction) const {
-  return has_map() ? lookup<F>(active, map_point<F>(active, direction).uv) : Vec3Of<F>(constant_);
+Vec3Of<F> InfiniteLight::radiance(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& direction) const {
+  const Vec3Of<F> radiance = has_map() ? lookup<F>(active, map_point<F>(active, direction).uv) : Vec3Of<F>(constant_);
+  F density;
+  return portal_ ? lanes::select(portal_->passes<F>(p, direction, density), radiance, Vec3Of<F>(F(0.f))) : radiance;
 }
 
 template <class F>
@@ -243,8 +245,8 @@ Vec3Of<F> InfiniteLight::radiance_and_pdf_at(MaskOf<F> active, const Vec3Of<F>& 
   return lanes::select(passes, radiance, Vec3Of<F>(F(0.f)));
 }
 
-template Vec3 InfiniteLight::radiance<float>(bool, const Vec3&) const;
-template Vec3x8 InfiniteLight::radiance<Float8>(Mask8, const Vec3x8&) const;
+template Vec3 InfiniteLight::radiance<float>(bool, const Vec3&, const Vec3&) const;
+template Vec3x8 InfiniteLight::radiance<Float8>(Mask8, const Vec3x8&, const Vec3x8&) const;
 template bool InfiniteLight::sample<float>(bool, const Vec3&, const Vec2&, Vec3&, float&, Vec3&) const;
 template Mask8 InfiniteLight::sample<Float8>(Mask8, const Vec3x8&, const Vec2x8&, Vec3x8&, Float8&, Vec3x8&) const;
 template Vec3 InfiniteLight::radiance_and_pdf<float>(bool, const Vec3&, const Vec3&, float&) const;

@@ -22,7 +22,7 @@ class InfiniteLight {
   const Rgb& mean() const { return mean_; }  // over the sphere
   // What follows is for one direction or eight, of which the `active` ones are looked at.
   template <class F>
-  Vec3Of<F> radiance(MaskOf<F> active, const Vec3Of<F>& direction) const;
+  Vec3Of<F> radiance(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& direction) const;  // at p, through the portal
   // n: normal at the point, or zero. Constant lights are sampled by the cosine to n, maps by their
   // luminance.
   template <class F>

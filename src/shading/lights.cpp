@@ -32,7 +32,6 @@ class SceneLights final : public Lights {
 
   bool empty() const override { return emitters_.empty() && !emits_; }
   bool has_infinite() const override { return !infinite_.empty(); }
-  bool has_portals() const override { return std::ranges::any_of(infinite_, [](const InfiniteLight& l) { return l.portal().has_value(); }); }
   bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
   bool has_v2_disk() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e); }); }
   bool disagrees() const override {
@@ -93,8 +92,8 @@ class SceneLights final : public Lights {
   Vec3x8 escaped(Mask8 active, const Vec3x8& p, const Vec3x8& n, const Vec3x8& direction, Float8& pdf) const override {
     return all_infinite<Float8>(active, p, n, direction, pdf);
   }
-  Rgb escaped(const Vec3& direction) const override { return all_infinite<float>(true, direction); }
-  Vec3x8 escaped(Mask8 active, const Vec3x8& direction) const override { return all_infinite<Float8>(active, direction); }
+  Rgb escaped(const Vec3& p, const Vec3& direction) const override { return all_infinite<float>(true, p, direction); }
+  Vec3x8 escaped(Mask8 active, const Vec3x8& p, const Vec3x8& direction) const override { return all_infinite<Float8>(active, p, direction); }
 
   Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec3& direction, std::uint32_t primitive, const Vec2& uv) const override {
     const Emission& e = emissions_[light];
@@ -197,9 +196,9 @@ class SceneLights final : public Lights {
     return sum;
   }
   template <class F>
-  Vec3Of<F> all_infinite(MaskOf<F> active, const Vec3Of<F>& direction) const {
+  Vec3Of<F> all_infinite(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of<F>& direction) const {
     Vec3Of<F> sum(F(0.f));
-    for (const InfiniteLight& light : infinite_) sum += light.radiance<F>(active, direction);
+    for (const InfiniteLight& light : infinite_) sum += light.radiance<F>(active, p, direction);
     return sum;
   }
 

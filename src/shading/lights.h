@@ -53,7 +53,6 @@ class Lights {
   virtual ~Lights() = default;
   virtual bool empty() const = 0;
   virtual bool has_infinite() const = 0;
-  virtual bool has_portals() const = 0;  // then light from outside depends on the place, and escaped(direction) is not for them
   virtual bool has_choice() const = 0;  // there is more than one light; without, sample() takes any u_light
   virtual std::uint64_t bytes() const = 0;
   // There is a disk of pbrt-v2, whose light depends on the weights of the estimates (LightSample::weight_pdf): these
@@ -73,14 +72,14 @@ class Lights {
   virtual Mask8 sample(Mask8 active, const Vec3x8& p, const Vec3x8& n, Float8 u_light, const Vec2x8& u,
                        LightSample8& out) const = 0;
 
-  // Radiance that arrives along `direction` (unit) from outside the scene: all infinite lights.
+  // Radiance that arrives at p along `direction` (unit) from outside the scene: all infinite lights.
   // pdf is what sample(p, n) has for this direction (chance of the lights included).
   virtual Rgb escaped(const Vec3& p, const Vec3& n, const Vec3& direction, float& pdf) const = 0;
   // The same where no density is needed: camera rays and specular bounces.
-  virtual Rgb escaped(const Vec3& direction) const = 0;
+  virtual Rgb escaped(const Vec3& p, const Vec3& direction) const = 0;
   // Both for eight: the same bits in each `active` lane.
   virtual Vec3x8 escaped(Mask8 active, const Vec3x8& p, const Vec3x8& n, const Vec3x8& direction, Float8& pdf) const = 0;
-  virtual Vec3x8 escaped(Mask8 active, const Vec3x8& direction) const = 0;
+  virtual Vec3x8 escaped(Mask8 active, const Vec3x8& p, const Vec3x8& direction) const = 0;
 
   // Radiance that the emissive shape `light` (running number) emits at a hit towards -direction;
   // ng: the surface's geometric normal as in SurfacePoint; uv counts where there are pictures. pdf: what sample(p, n) has for this
