@@ -1,5 +1,6 @@
 // Rays that leave a surface: none may find the surface that it leaves (acne), none may come out on its other side (a leak).
-#include <atomic>
+#include <algorithm>
+#include <cctype>
 #include <optional>
 
 #include "geometry_meshes.h"
@@ -14,7 +15,29 @@ struct ShapeCase {
   const char* name;
   std::string text;  // within [-1, 1]^3
   bool closed;
+  std::optional<Vec3> within{};  // of meshes that are convex: a point on the inner side of all triangles
+  float curve = 0;               // a straight one's width: nothing is met outside of it
+  double acne = 0;               // share of rays that may find what they leave
 };
+
+// A dome, convex along its diagonals, too.
+std::string heightfield() {
+  constexpr int n = 7;
+  std::string z;
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) {
+      const double x = i / (n - 1.) - .5, y = j / (n - 1.) - .5;
+      z += fmt::format("{:.9g} ", .4 - .5 * (x * x + y * y) + .25 * x * y);
+    }
+  return fmt::format("Shape \"heightfield\" \"integer nu\" [{0}] \"integer nv\" [{0}] \"float Pz\" [{1}]", n, z);
+}
+
+const glm::dvec3 kCurveEnds[2] = {{-.6, -.3, .2}, {.6, .3, -.1}};
+
+std::string curve(const char* type, double width) {
+  return fmt::format("Shape \"curve\" \"string type\" \"{}\" \"point P\" [-.6 -.3 .2  -.2 -.1 .1  .2 .1 0  .6 .3 -.1] \"float width\" [{}]{}", type, width,
+                     std::string_view(type) == "ribbon" ? " \"normal N\" [0 .3 .6  .1 .2 .8]" : "");
+}
 
 std::vector<ShapeCase> shapes() {
   return {
@@ -25,7 +48,16 @@ std::vector<ShapeCase> shapes() {
       {"paraboloid", "Shape \"paraboloid\" \"float radius\" [.7] \"float zmax\" [.7]", false},
       {"hyperboloid", "Shape \"hyperboloid\" \"point p1\" [.3 -.5 -.5] \"point p2\" [.3 .5 .5]", false},
       {"triangle", "Shape \"trianglemesh\" \"point P\" [-.5 -.7 .3  .9 0 -.2  -.1 .8 .1] \"integer indices\" [0 1 2]", false},
-      {"icosphere", icosphere(2, 1, Vec3(0.f)).text(), true},
+      // Of rays that leave a polyhedron at an edge, at cosines of about 2e-6, a few in ten million hit the neighbour there. Not
+      // understood: the start lies above both.
+      {"icosphere", icosphere(2, 1, Vec3(0.f)).text(), true, Vec3(0.f), 0, 2e-6},
+      {"heightfield", heightfield(), false, Vec3(.5f, .5f, -9.f)},
+      {"flat curve", curve("flat", .1), false, {}, .1f},
+      {"curve shaded as a cylinder", curve("cylinder", .1), false, {}, .1f},
+      // A ribbon is as wide as its ray sees it, and rays start two such widths away, as in pbrt: stretched, that start is not
+      // straight above where it was hit.
+      {"ribbon", curve("ribbon", .1), false, {}, .1f, 1e-4},
+      {"flat curve 1e-4 wide", curve("flat", 1e-4), false, {}, 1e-4f},
   };
 }
 
@@ -100,8 +132,9 @@ class Leaving {
       for (int i = 0; i < 512; ++i) {
         // From everywhere about, and from within.
         const double far = i % 4 == 0 ? 0.4 : 1.8 * random.log_uniform(1, 100);
-        const auto in_world = [&](const glm::dvec3& p) { return Vec3(glm::dmat4(place_.matrix) * glm::dvec4(p, 1)); };
-        const Vec3 from = in_world(far * random.direction()), to = in_world(1.8 * random.uniform() * random.direction());
+        const glm::dvec3 near = shape_.curve > 0 ? glm::mix(kCurveEnds[0], kCurveEnds[1], random.uniform()) : glm::dvec3(0);
+        const double about = shape_.curve > 0 ? shape_.curve : 1.8;
+        const Vec3 from = in_world(far * random.direction()), to = in_world(near + about * random.uniform() * random.direction());
         if (from != to) rays.push_back({from, Vec3(glm::normalize(glm::dvec3(to) - glm::dvec3(from)))});
       }
       std::vector<ProbeRay> grazing, leaving;
@@ -124,6 +157,7 @@ class Leaving {
   }
 
  private:
+  Vec3 in_world(const glm::dvec3& p) const { return Vec3(glm::dmat4(place_.matrix) * glm::dvec4(p, 1)); }
   static std::string scene(const ShapeCase& shape, const Placement& place, bool instance) {
     const std::string mirror = "Material \"mirror\" \"color Kr\" [1 1 1]\n";
     if (!instance) return mirror + "Transform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1]\n" + place.text() + "\n" + shape.text;
@@ -181,9 +215,10 @@ class Leaving {
     EXPECT_EQ(out.counts.invalid, 0u);
     for (const PathSegment& s : out.continuing) {
       const Hit& h = batch.hits[s.pixel];
-      const Real3 n = normal(h, s.origin);
+      // A curve's normal depends on the ray; the mirror tells it.
+      const Real3 n = shape_.curve > 0 ? glm::normalize(Real3(s.direction) - Real3(batch.segments[s.pixel].direction)) : normal(h, s.origin);
       const Real cosine = glm::dot(n, Real3(s.direction));
-      const Real turn = place_.limit ? 0 : turn_within_rounding(h, s.origin, n);
+      const Real turn = place_.limit || shape_.curve > 0 ? 0 : turn_within_rounding(h, s.origin, n);
       // Which side a ray is on that comes in along the surface is a matter of rounding.
       if (turn > 0.5L || std::abs(cosine) < 1e-6L + 2 * turn) continue;
       starts.push_back({s.origin, cosine < 0 ? -n : n, h.shape, h.primitive});
@@ -219,8 +254,9 @@ class Leaving {
         own = bulges || quadric_->kind == QuadricKind::disk ? hit || blocked[i] : outside != (f.value > 0);
       } else {
         // Meshes are flat or convex: outside nothing is met, and the triangle itself never again.
-        inside = shape_.closed && glm::dot(of[i].normal, Real3(Vec3(place_.matrix[3])) - Real3(rays[i].origin)) > 0;
-        own = inside ? hit && h.shape == of[i].shape && h.primitive == of[i].primitive : hit || blocked[i];
+        const bool inner = shape_.within && glm::dot(of[i].normal, Real3(in_world(*shape_.within)) - Real3(rays[i].origin)) > 0;
+        inside = shape_.closed && inner;
+        own = inner ? hit && h.shape == of[i].shape && h.primitive == of[i].primitive : hit || blocked[i];
       }
       if (own) ++tally.acne;
       if (inside && (!hit || !blocked[i])) ++tally.leaks;
@@ -254,16 +290,14 @@ TEST_P(Leave, NoRayFindsTheSurfaceThatItLeaves) {
       leaks_in_acute = static_cast<double>(tally.leaks) / static_cast<double>(tally.rays);
     else
       sum.leaks += tally.leaks;
-    if (!place.limit && (tally.acne || (tally.leaks && !acute)))
+    if (!place.limit && shape.acne == 0 && (tally.acne || (tally.leaks && !acute)))
       std::printf("%s, %s, seed %llu: %llu hit what they leave, %llu leak\n", shape.name, place.name, static_cast<unsigned long long>(seed),
                   static_cast<unsigned long long>(tally.acne), static_cast<unsigned long long>(tally.leaks));
   }
   const std::string name = std::string(shape.name) + (instance ? " in an instance" : "");
   const std::string usual_name = name + " (size 1e-6 to 1e9, up to 1e5 sizes off, stretched up to .1 : 1 : 10), left at cosines from 2e-6 on";
-  // Of rays that leave a polyhedron at an edge, at cosines of about 2e-6, a few in ten million hit the neighbour there. Not
-  // understood: the start lies above both.
-  if (std::string_view(shape.name) == "icosphere")
-    record_limit(usual_name, "share of rays that hit what they leave", 2e-6, static_cast<double>(usual.acne) / static_cast<double>(usual.rays), usual.rays);
+  if (shape.acne > 0)
+    record_limit(usual_name, "share of rays that hit what they leave", shape.acne, static_cast<double>(usual.acne) / static_cast<double>(usual.rays), usual.rays);
   else
     record(usual_name, "rays that hit what they leave", 0, static_cast<double>(usual.acne), usual.rays);
   if (shape.closed) record(usual_name, "rays that leak", 0, static_cast<double>(usual.leaks), usual.rays);
@@ -275,7 +309,11 @@ TEST_P(Leave, NoRayFindsTheSurfaceThatItLeaves) {
     record_limit(name + " stretched .1 : 1 : 10, from its acute edges", "share of rays that leak", 1e-3, leaks_in_acute, usual.rays / 7);
 }
 INSTANTIATE_TEST_SUITE_P(Shapes, Leave, testing::Combine(testing::Range<std::size_t>(0, shapes().size()), testing::Bool()),
-                         [](const auto& p) { return std::string(shapes()[std::get<0>(p.param)].name) + (std::get<1>(p.param) ? "_instance" : ""); });
+                         [](const auto& p) {
+                           std::string name = shapes()[std::get<0>(p.param)].name;
+                           std::ranges::replace_if(name, [](unsigned char c) { return !std::isalnum(c); }, '_');
+                           return name + (std::get<1>(p.param) ? "_instance" : "");
+                         });
 
 }  // namespace
 }  // namespace cloudrenderer::stability
