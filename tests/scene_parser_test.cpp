@@ -344,11 +344,13 @@ TEST(Parser, UnknownTexturesLeaveTheDefault) {
   EXPECT_NE(joined(p.warnings).find("unknown texture \"plaid\", expected one of "), std::string::npos) << joined(p.warnings);
 }
 
-TEST(Parser, AreaLightsInObjectsAreIgnored) {
+TEST(Parser, AreaLightsInObjectsAreOnlySeen) {
   const ParsedScene p =
       world("AreaLightSource \"area\" ObjectBegin \"a\" Shape \"sphere\" Shape \"disk\" ObjectEnd");
-  EXPECT_FALSE(p.sink.shapes[0].area_light);
-  EXPECT_TRUE(p.scene.area_lights.empty());
+  EXPECT_EQ(p.sink.shapes[0].area_light, AreaLightId(0));
+  EXPECT_EQ(p.sink.shapes[1].area_light, AreaLightId(0));
+  ASSERT_EQ(p.scene.area_lights.size(), 1u);
+  EXPECT_TRUE(p.scene.area_lights[0].params.boolean("onlyseen", false));
   EXPECT_EQ(p.warnings.list().size(), 1u);
 }
 

@@ -88,8 +88,27 @@ TEST(Ply, ReadsAsciiAndFansQuads) {
   EXPECT_EQ(m.uvs[1], Vec2(1, 0));
   ASSERT_EQ(m.triangles.size(), 2u);
   EXPECT_EQ(m.triangles[0], glm::u32vec3(0, 1, 2));
-  EXPECT_EQ(m.triangles[1], glm::u32vec3(0, 2, 3));
+  EXPECT_EQ(m.triangles[1], glm::u32vec3(3, 0, 2)) << "as in pbrt-v3";
   EXPECT_EQ(m.faces[1], 0u);
+  EXPECT_EQ(m.polygons, 0u);
+}
+
+TEST(Ply, TakesTheFirstOfPbrtsNamesForUvs) {
+  const std::string head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n";
+  const std::string body = "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 1 2 3 4\n1 0 0 1 2 3 4\n1 1 0 1 2 3 4\n"
+                           "0 1 0 1 2 3 4\n0 .5 0 1 2 3 4\n5 0 1 2 3 4\n";
+  const auto uv = [&](const char* a, const char* b, const char* c, const char* d) {
+    std::string names;
+    for (const char* name : {a, b, c, d}) names += std::string("property float ") + name + "\n";
+    const PlyMesh m = read(head + names + body);
+    EXPECT_EQ(m.triangles.size(), 3u);
+    EXPECT_EQ(m.polygons, 1u);
+    return m.uvs.empty() ? Vec2(0) : m.uvs[0];
+  };
+  EXPECT_EQ(uv("u", "v", "s", "t"), Vec2(1, 2));
+  EXPECT_EQ(uv("s", "t", "u", "v"), Vec2(3, 4));
+  EXPECT_EQ(uv("texture_u", "texture_v", "texture_s", "texture_t"), Vec2(1, 2));
+  EXPECT_EQ(uv("s", "v", "texture_s", "texture_t"), Vec2(3, 4)) << "half a pair is none";
 }
 
 TEST(Ply, ReadsBothByteOrders) {

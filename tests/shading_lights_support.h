@@ -143,7 +143,8 @@ inline void expect_ratio(const Rgb& a, const Rgb& b, float tolerance = 0.01f) {
 
 class MapFile {
  public:
-  MapFile(int width, int height, const std::function<Rgb(int, int)>& f, const char* extension = ".exr") {
+  MapFile(int width, int height, const std::function<Rgb(int, int)>& f, const char* extension = ".exr",
+          const std::vector<float>& chromaticities = {}) {
     path_ = (std::filesystem::temp_directory_path() /
              ("lights_test_" + std::to_string(::getpid()) + extension))
                 .string();
@@ -152,7 +153,8 @@ class MapFile {
       for (int x = 0; x < width; ++x) pixels.push_back(f(x, y));
     const auto out = OIIO::ImageOutput::create(path_);
     const bool bytes = std::string(extension) == ".png";
-    const OIIO::ImageSpec spec(width, height, 3, bytes ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT);
+    OIIO::ImageSpec spec(width, height, 3, bytes ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT);
+    if (!chromaticities.empty()) spec.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), chromaticities.data());
     if (!out || !out->open(path_, spec) ||
         !out->write_image(OIIO::TypeDesc::FLOAT, pixels.data()) || !out->close())
       throw std::runtime_error("cannot write " + path_);

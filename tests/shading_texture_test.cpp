@@ -25,11 +25,14 @@ class Textures : public ::testing::Test {
 
   template <class T>
   std::string write(const std::string& name, int width, int height, int channels,
-                    const std::vector<T>& pixels) {
+                    const std::vector<T>& pixels, const std::vector<float>& chromaticities = {}) {
     const std::string path = (folder_ / name).string();
     auto file = OIIO::ImageOutput::create(path);
     const auto type = sizeof(T) == 1 ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT;
-    file->open(path, OIIO::ImageSpec(width, height, channels, type));
+    OIIO::ImageSpec spec(width, height, channels, type);
+    spec.attribute("oiio:UnassociatedAlpha", 1);  // colours as they are given
+    if (!chromaticities.empty()) spec.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), chromaticities.data());
+    file->open(path, spec);
     file->write_image(type, pixels.data());
     file->close();
     return path;
@@ -85,6 +88,29 @@ TEST_F(Textures, V2PutsTheFirstRowAtZeroAndV3AtOne) {
   EXPECT_TRUE(needs_.uv);
   EXPECT_TRUE(needs_.footprint);
   EXPECT_TRUE(warnings_.list().empty());
+}
+
+TEST_F(Textures, ColoursOfPbrtV4AreOfTheSpaceThatTheFileNames) {
+  const std::vector<float> colour{.5f, .25f, .2f};
+  const std::string aces = write("aces.exr", 1, 1, 3, colour, {.7347f, .2653f, 0, 1, .0001f, -.077f, .32168f, .33767f});
+  const std::string wide = write("wide.exr", 1, 1, 3, colour, {.708f, .292f, .17f, .797f, .131f, .046f, .3127f, .329f});
+  const auto image = [&](const std::string& path, bool v4, bool is_float = false) {
+    return eval({texture("t", "imagemap", is_float, {string_param("filename", path), bool_param("mean", v4)})}, at(.5f, .5f), Dialect::v3);
+  };
+  expect_near(image(aces, true), {.921f, .184f, .171f}, 2e-3f);
+  expect_near(image(wide, true), {.669f, .219f, .190f}, 2e-3f);
+  expect_near(image(aces, false), {.5f, .25f, .2f}, 1e-3f);
+  expect_near(image(aces, true, true), Rgb(.95f / 3), 1e-3f);  // numbers are no colours
+}
+
+TEST_F(Textures, OfPbrtV4HaveMasksInFilesWithSuchOnly) {
+  const std::vector<std::uint8_t> pixel{128, 64, 191, 102};
+  const auto image = [&](const std::string& path) {
+    return eval({texture("t", "imagemap", true, {string_param("filename", path), bool_param("mean", true), bool_param("gamma", false)})},
+                at(.5f, .5f), Dialect::v3);
+  };
+  expect_near(image(write("mask.png", 1, 1, 4, pixel)), Rgb(102.f / 255), 1e-3f);
+  expect_near(image(write("none.tga", 1, 1, 4, pixel)), Rgb(383.f / 3 / 255), 1e-3f);
 }
 
 TEST_F(Textures, WrapModes) {

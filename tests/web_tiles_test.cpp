@@ -101,7 +101,7 @@ TEST(CoarsePicture, HasEveryStepOfAllThePicture) {
   g.cluster->work();
   const Film& film = g.cluster->core.film();
   for (const std::size_t most : {1u, 15u, 16u, 1000u, 4096u}) {
-    const std::string bytes = encode_coarse(g.cluster->core, 1.f, most);
+    const std::string bytes = encode_coarse(g.cluster->core, FilmOptions{}, most);
     std::vector<std::uint32_t> words(bytes.size() / 4);
     std::memcpy(words.data(), bytes.data(), bytes.size());
     const std::uint32_t step = words[0], w = words[1], h = words[2];
@@ -127,7 +127,7 @@ TEST(TileWatch, ChoosesOneTileEvenIfThatIsTooMuch) {
 TEST(TileBoard, ATileSaysWhereItIsAndWhatIsInIt) {
   Growing g;
   g.cluster->work();
-  const std::string bytes = TileBoard::encode(g.cluster->core, 5, 1.f);
+  const std::string bytes = TileBoard::encode(g.cluster->core, 5, FilmOptions{});
   ASSERT_EQ(bytes.size(), 4u * (5 + 256));
   std::array<std::uint32_t, 6> words{};
   std::memcpy(words.data(), bytes.data(), sizeof words);

@@ -80,6 +80,7 @@ struct FilmOptions {
   float max_sample_luminance = kInfinity;  // v3 "maxsampleluminance"
   float max_component = kInfinity;         // v4 "maxcomponentvalue": of XYZ times scale
   bool keeps_negative = false;             // v4; before it pixels are not below 0, which filters can make them
+  std::optional<glm::mat3> balance;        // v4 "whitebalance": of the colours that are shown
 };
 // Reads `Film` with pbrt's rounding of crop windows (ceil). Throws SceneError.
 FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings);
@@ -94,8 +95,9 @@ struct Image {
 };
 
 class Film;
-// The picture that the scene's film asks for.
+// The picture that the scene's film asks for, and one of its pixels.
 Image developed(const Film& film, const FilmOptions& options);
+Rgb developed(const Film& film, std::size_t pixel, const FilmOptions& options);
 
 // The whole film on the manager. Not thread-safe.
 class Film {

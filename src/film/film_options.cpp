@@ -4,6 +4,7 @@
 
 #include "film/camera.h"
 #include "film/film.h"
+#include "film/white_balance.h"
 
 namespace cloudrenderer {
 namespace {
@@ -67,6 +68,12 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
     out.scale = params.real("scale", 1.f);
     out.max_sample_luminance = params.real("maxsampleluminance", kInfinity);
     out.max_component = params.real("maxcomponentvalue", kInfinity);
+    if (const float kelvin = params.real("whitebalance", 0.f); kelvin > 0.f) {
+      if (kelvin >= 1000.f && kelvin <= 25000.f)
+        out.balance = white_balance(kelvin);
+      else
+        warnings.add(film.location, "whitebalance must be between 1000 and 25000 kelvin: ignored");
+    }
     out.keeps_negative = params.boolean("keepsnegative", false);
     film_diagonal(film);  // the camera reads it
   }
@@ -76,10 +83,16 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
 }
 
 Image developed(const Film& film, const FilmOptions& options) {
-  Image image = film.image(options.scale);
-  if (!options.keeps_negative)
-    for (Rgb& c : image.pixels) c = glm::max(c, Rgb(0.f));
+  const FilmFrame& f = film.frame();
+  Image image{f.crop_width(), f.crop_height(), std::vector<Rgb>(f.pixels())};
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = developed(film, i, options);
   return image;
+}
+
+Rgb developed(const Film& film, std::size_t pixel, const FilmOptions& options) {
+  Rgb c = film.colour(pixel, options.scale);
+  if (options.balance) c = *options.balance * c;
+  return options.keeps_negative ? c : glm::max(c, Rgb(0.f));
 }
 
 float component_limit(const FilmOptions& film, const Rgb& c) {

@@ -5,6 +5,7 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <string_view>
 
@@ -26,6 +27,9 @@ class OpenedImage : public ImageReader {
     info_.bytes = spec.format == OIIO::TypeDesc::UINT8;
     info_.is_float = spec.format.is_floating_point();
     info_.color_space = spec.get_string_attribute("oiio:ColorSpace");
+    info_.alpha = spec.alpha_channel;
+    if (std::array<float, 8> xy{}; spec.getattribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), xy.data()))
+      info_.chromaticities = xy;
   }
   bool read(int channels, std::uint8_t* pixels, std::string& why) override { return read(channels, OIIO::TypeDesc::UINT8, pixels, why); }
   bool read(int channels, float* pixels, std::string& why) override { return read(channels, OIIO::TypeDesc::FLOAT, pixels, why); }

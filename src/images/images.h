@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,8 @@ struct ImageInfo {
   bool bytes = false;                  // eight bits a channel
   bool is_float = false;               // values of any size; else 0 to 1
   std::string color_space;             // that the file names, or none
+  std::optional<std::array<float, 8>> chromaticities;  // x, y of red, green, blue and white, of files that name them
+  int alpha = -1;                      // the channel of that name, or none
 };
 
 class ImageReader {

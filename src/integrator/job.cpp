@@ -35,8 +35,7 @@ std::uint32_t samples_per_pixel(const Entity& sampler, Dialect dialect, Warnings
 // Integrators that estimate what `path` estimates in another way.
 bool is_same_transport(const std::string& type) {
   static const std::set<std::string> types{"metropolis", "igi",  "irradiancecache", "photonmap", "exphotonmap",
-                                           "mlt",        "bdpt", "sppm",            "diffuseprt",
-                                           "glossyprt",  "useprobes"};
+                                           "mlt",        "bdpt", "sppm",            "useprobes"};
   return types.contains(type);
 }
 
@@ -148,6 +147,11 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     if (job.light_paths != LightPaths::none && misses_seen_caustics(scene, type))
       warnings.add(source->location, "caustics of lights without a size are missing where they are seen in mirrors or through glass");
     type = "path";
+  }
+  if (type == "diffuseprt" || type == "glossyprt") {
+    warnings.add(source->location, "integrator \"" + type + "\" has the light that comes directly from all around: rendered with directlighting" +
+                                       (type == "glossyprt" ? ", and with the scene's materials in place of its own" : ""));
+    type = "directlighting";
   }
   const int scene_depth = source->params.integer("maxdepth", type_given == "metropolis" ? 7 : 5);
   const int depth = overrides.max_depth ? static_cast<int>(*overrides.max_depth) : scene_depth;

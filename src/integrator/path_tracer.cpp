@@ -7,6 +7,7 @@
 
 #include "integrator/crossings.h"
 #include "integrator/path_time.h"
+#include "integrator/shader.h"
 #include "integrator/shadow_channel.h"
 #include "integrator/timer.h"
 #include "scene/dialect.h"
@@ -419,6 +420,8 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
         BrickRay bricks;
         if (grids_) {
           bricks = shadow_brick_ray(r);
+          // As in homogeneous media: pbrt's shadow rays to what is infinitely far away end there. (The length holds a channel.)
+          if (r.t_max > 0.5f * shadow_length(kInfinity)) bricks.reach = longest_shadow_;
           if (!bounded_.empty()) {
             stretches.begin(r, ray.time);
             bricks.stretches = &stretches;

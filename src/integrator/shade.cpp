@@ -162,7 +162,7 @@ void PathTracer::Shader::escape() {
   end();
 }
 
-// One ray of ambient occlusion over the hemisphere (pbrt-v2: uniform, from 0.01 on).
+// One ray of ambient occlusion over the hemisphere; pbrt-v2's begin 0.01 away.
 void PathTracer::Shader::occlusion(const SurfacePoint& p, const Vec3& offset, const SampleSequence& sequence) {
   const PathSegment& s = *path;
   const Vec3 n = glm::dot(p.ng, s.direction) > 0.f ? -p.ng : p.ng;
@@ -172,7 +172,8 @@ void PathTracer::Shader::occlusion(const SurfacePoint& p, const Vec3& offset, co
   // pbrt-v2 counts what is not hidden, later ones its cosines.
   const float cosine = tracer.dialect_ == Dialect::v2 || tracer.job_.ao_cosine ? 1.f : 2.f * glm::dot(w, n);
   if (OcclusionRay* const ray = shadow(s.throughput * cosine)) {
-    *ray = {ray_start(p.p, offset, p.ng, w), w, std::min(tracer.job_.ao_distance, 1e18f)};
+    const float from = tracer.dialect_ == Dialect::v2 ? 0.01f : 0.f;
+    *ray = {ray_start(p.p, offset, p.ng, w) + from * w, w, std::max(0.f, std::min(tracer.job_.ao_distance, 1e18f) - from)};
     if (tracer.grids_) put_channel(*ray, tracer.channel_of(s));
   }
   end();
@@ -315,7 +316,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
       const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive, p.p, s.direction) : 0.f;
       if (s.flags & kSpecularBounce) {
         if (s.vertex <= job.emission_vertex) add(s.throughput * radiance * shared_weight(s, 1.f, emission));
-      } else {
+      } else if (!tracer.lights_->is_only_seen(light)) {
         const float way = hit.t + std::max(0.f, -s.cone_width);
         const float pdf = tracer.lights_->emitted_pdf(light, s.scattered_at(), s.previous_normal, s.direction, way, p.p, p.ng, hit.primitive);
         add(s.throughput * radiance * shared_weight(s, power_weight(s.previous_pdf, pdf), emission));

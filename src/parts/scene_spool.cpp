@@ -97,11 +97,7 @@ void SceneSpool::shape(ShapeDesc&& shape, const SceneDescription& scene) {
   }
   row.material = shape.material.value;
   row.flip = shape.reverse_orientation != shape.object_to_world.swaps_handedness() ? 1 : 0;
-  if (owner && shape.area_light && !warned_emissive_object_) {
-    warnings_.add(shape.location, "shapes of an object do not emit light");
-    warned_emissive_object_ = true;
-  }
-  const bool emits = shape.area_light && !owner && !placing;
+  const bool emits = shape.area_light && !placing;
   if (emits) row.light = static_cast<std::uint32_t>(shape_lights_.size());
 
   const ShapeGeometry geometry = make_geometry(shape, scene.dialect, warnings_);

@@ -94,7 +94,7 @@ class SceneSpool : public SceneSink {
   std::size_t textures_seen_ = 0;
   ObjectId open_;
   std::uint32_t next_shape_ = 0;
-  bool warned_emissive_object_ = false, warned_emissive_curve_ = false;
+  bool warned_emissive_curve_ = false;
   std::set<std::string> warned_parameters_;
 };
 

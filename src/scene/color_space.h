@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <optional>
 #include <string_view>
 
@@ -11,6 +12,8 @@ class ColorSpace {
  public:
   ColorSpace() = default;  // srgb
   static std::optional<ColorSpace> find(std::string_view name);
+  // The one with these x, y of red, green, blue and white, to a thousandth.
+  static std::optional<ColorSpace> find(const std::array<float, 8>& chromaticities);
 
   bool is_working() const { return is_working_; }
   Rgb to_working(const Rgb& c) const;

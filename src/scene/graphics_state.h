@@ -44,11 +44,18 @@ struct MaterialSource {
   std::vector<MaterialId> interned = {};
 };
 
+// What a light is told about a shape that has it.
+struct ShapeLight {
+  int patches = 0;  // bilinear ones, each of which has the power that is given
+  bool invisible = false, weighed = false;  // the shape is not seen; before pbrt-v4
+  bool only_seen = false;  // in an object, before pbrt-v4
+  auto operator<=>(const ShapeLight&) const = default;
+};
+
 struct AreaLightSource {
   Entity entity;
-  // In the description, once a shape has used it: bilinear patches with a power count 1, shapes that are not seen 2,
-  // or before pbrt-v4 4.
-  std::array<AreaLightId, 6> ids{};
+  // In the description, once shapes have used it: by how they change it.
+  std::map<ShapeLight, AreaLightId> ids;
 };
 
 // What AttributeBegin saves and AttributeEnd brings back.

@@ -23,7 +23,7 @@ constexpr LanguageRow kRows[] = {
     {"LightSource", "projection", kInV4, kDone, "float scale, float power, float fov, string filename", ""},
     {"LightSource", "spot", kInV4, kDone, "spectrum I, float scale, float power, point3 from, point3 to, float coneangle, float conedeltaangle", ""},
     {"AreaLightSource", "area", kInV2, kDone, "spectrum L, spectrum scale, -integer nsamples", "as diffuse"},
-    {"AreaLightSource", "diffuse", kV23, kDone, "spectrum L, spectrum scale, -integer nsamples, -integer samples@v3, bool twosided@v3", "shapes inside of objects do not shine"},
+    {"AreaLightSource", "diffuse", kV23, kDone, "spectrum L, spectrum scale, -integer nsamples, -integer samples@v3, bool twosided@v3", "shapes inside of objects are seen, but light nothing, as in pbrt"},
     {"AreaLightSource", "diffuse", kInV4, kDone, "spectrum L, float scale, float power, bool twosided, string filename", "the power of every triangle or bilinear patch, as pbrt counts it; quads of a plymesh are two triangles; on shapes that are no meshes the mean of a picture shines; shapes inside of objects do not"},
 };
 // clang-format on

@@ -12,10 +12,11 @@ constexpr auto kMissing = LanguageState::missing;
 constexpr unsigned kV23 = kInV2 | kInV3, kV34 = kInV3 | kInV4;
 
 constexpr std::string_view kPathNote = "rendered with path, which estimates the same light";
+constexpr std::string_view kTransferNote = "rendered with directlighting and the scene's materials";
 constexpr std::string_view kCausticsNote = "rendered with path, and with paths from the lights for caustics (--light-paths)";
 
 // clang-format off
-#define V4_FILM "integer xresolution, integer yresolution, float cropwindow, integer pixelbounds, string filename, ~string sensor, float iso, float exposuretime, ~float whitebalance, float maxcomponentvalue, float diagonal, -bool savefp16"
+#define V4_FILM "integer xresolution, integer yresolution, float cropwindow, integer pixelbounds, string filename, ~string sensor, float iso, float exposuretime, float whitebalance, float maxcomponentvalue, float diagonal, -bool savefp16"
 #define SHUTTER "float shutteropen, float shutterclose"
 constexpr LanguageRow kRows[] = {
     {"Camera", "environment", kV23, kDone, SHUTTER ", -float frameaspectratio, -float screenwindow, -float lensradius, -float focaldistance, -float hither@v2, -float yon@v2", ""},
@@ -24,7 +25,7 @@ constexpr LanguageRow kRows[] = {
     {"Camera", "realistic", kV34, kDone, SHUTTER ", string lensfile, float aperturediameter, float focusdistance, bool simpleweighting@v3, !string aperture@v4", "the weights are pbrt-v3's"},
     {"Camera", "spherical", kInV4, kDone, SHUTTER ", string mapping, -float frameaspectratio, -float screenwindow, -float lensradius, -float focaldistance", ""},
     {"Film", "gbuffer", kInV4, kNear, V4_FILM ", -string coordinatesystem", "only the colours"},
-    {"Film", "rgb", kInV4, kDone, V4_FILM, ".exr, .pfm, .png and .tga; linear sRGB, sensors are plain exposure"},
+    {"Film", "rgb", kInV4, kDone, V4_FILM, ".exr, .pfm, .png and .tga; linear sRGB, sensors are plain exposure and white balance"},
     {"Film", "spectral", kInV4, kNear, V4_FILM ", -integer nbuckets, -float lambdamin, -float lambdamax", "an RGB picture"},
     {"Film", "image", kV23, kDone, "integer xresolution, integer yresolution, float cropwindow, string filename, -bool display@v2, float scale@v3, float maxsampleluminance@v3, float diagonal@v3", ".exr, .pfm, .png and .tga"},
     {"Sampler", "02sequence", kInV3, kNear, "integer pixelsamples, -integer dimensions", ""},
@@ -52,11 +53,11 @@ constexpr LanguageRow kRows[] = {
     {"PixelFilter", "sinc", kV23, kDone, "float xwidth, float ywidth, float tau", ""},
     {"PixelFilter", "triangle", kV23, kDone, "float xwidth, float ywidth", ""},
     {"SurfaceIntegrator", "ambientocclusion", kInV2, kDone, "integer nsamples, float maxdist", ""},
-    {"SurfaceIntegrator", "diffuseprt", kInV2, kNear, "-integer lmax, -integer nsamples", kPathNote},
+    {"SurfaceIntegrator", "diffuseprt", kInV2, kNear, "-integer lmax, -integer nsamples", kTransferNote},
     {"SurfaceIntegrator", "dipolesubsurface", kInV2, LanguageState::done, "integer maxdepth, -float maxerror, -float minsampledistance, -string pointsfile", "by walks, which the dipole approximates; light that comes directly only, as in pbrt-v2"},
     {"SurfaceIntegrator", "directlighting", kInV2, kDone, "integer maxdepth, -string strategy", ""},
     {"SurfaceIntegrator", "exphotonmap", kInV2, kNear, "integer maxdepth, -integer causticphotons, -integer indirectphotons, -integer nused, -integer maxspeculardepth, -integer maxphotondepth, -bool finalgather, -integer finalgathersamples, -float maxdist, -float gatherangle", kCausticsNote},
-    {"SurfaceIntegrator", "glossyprt", kInV2, kNear, "-integer lmax, -integer nsamples, -spectrum Kd, -spectrum Ks, -float roughness", kPathNote},
+    {"SurfaceIntegrator", "glossyprt", kInV2, kNear, "-integer lmax, -integer nsamples, -spectrum Kd, -spectrum Ks, -float roughness", kTransferNote},
     {"SurfaceIntegrator", "igi", kInV2, kNear, "integer maxdepth, -integer nlights, -integer nsets, -float rrthreshold, -float glimit, -integer gathersamples", kPathNote},
     {"SurfaceIntegrator", "irradiancecache", kInV2, kNear, "-integer maxspeculardepth, -integer maxindirectdepth, -float minweight, -float minpixelspacing, -float maxpixelspacing, -float maxangledifference, -integer nsamples", kPathNote},
     {"SurfaceIntegrator", "path", kInV2, kDone, "integer maxdepth", ""},
@@ -79,8 +80,8 @@ constexpr LanguageRow kRows[] = {
     {"Integrator", "mlt", kInV4, kNear, "integer maxdepth, -integer bootstrapsamples, -integer chains, -integer mutationsperpixel, -float largestepprobability, -float sigma, -bool regularize", kCausticsNote},
     {"Integrator", "path", kInV4, kDone, "integer maxdepth, -string lightsampler, !bool regularize", ""},
     {"Integrator", "randomwalk", kInV4, kNear, "integer maxdepth", kPathNote},
-    {"Integrator", "simplepath", kInV4, kNear, "integer maxdepth, -bool samplelights, -bool samplebsdf", kPathNote},
-    {"Integrator", "simplevolpath", kInV4, kNear, "integer maxdepth", kPathNote},
+    {"Integrator", "simplepath", kInV4, kNear, "integer maxdepth, ~bool samplelights, -bool samplebsdf", kPathNote},
+    {"Integrator", "simplevolpath", kInV4, kDone, "integer maxdepth", "as volpath"},
     {"Integrator", "sppm", kInV4, kNear, "integer maxdepth, -integer photonsperiteration, -float radius, -integer seed, -bool regularize", kCausticsNote},
     {"Integrator", "volpath", kInV4, kDone, "integer maxdepth, -string lightsampler, !bool regularize", ""},
     {"Renderer", "createprobes", kInV2, kIgnored, "-string filename, -integer lmax, -bool directlighting, -bool indirectlighting, -integer indirectsamples, -float bounds, -float samplespacing, -float time", "its world has no picture: left out where another follows"},

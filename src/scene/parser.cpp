@@ -226,7 +226,9 @@ void Parser::attribute_end(const Token& t) {
   saved_transforms_.pop_back();
 }
 
+// pbrt-v4 takes these blocks for attribute blocks.
 void Parser::transform_begin(const Token& t) {
+  if (is_v4()) return attribute_begin(t);
   if (!in_world(t)) return;
   if (saved_transforms_.size() >= kDeepestNesting)
     throw SceneError(location(t), "blocks are nested too deep");
@@ -234,6 +236,7 @@ void Parser::transform_begin(const Token& t) {
 }
 
 void Parser::transform_end(const Token& t) {
+  if (is_v4()) return attribute_end(t);
   if (!in_world(t)) return;
   if (saved_transforms_.empty()) {
     warnings_.add(location(t), "TransformEnd without TransformBegin: ignored");

@@ -141,8 +141,9 @@ class BinaryBody {
   const char* end_;
 };
 
-// Where a vertex property goes: 0-2 position, 3-5 normal, 6-7 uv, 8 nowhere.
-constexpr std::size_t kNowhere = 8;
+// Where a vertex property goes: 0-2 position, 3-5 normal, from 6 on uvs by pbrt's names, of which the first ones count,
+// behind them nowhere.
+constexpr std::size_t kFirstUv = 6, kNowhere = 14;
 std::size_t slot_of(const std::string& name) {
   struct Row {
     std::string_view name;
@@ -156,12 +157,12 @@ std::size_t slot_of(const std::string& name) {
                                                     {"nz", 5},
                                                     {"u", 6},
                                                     {"v", 7},
-                                                    {"s", 6},
-                                                    {"t", 7},
-                                                    {"texture_u", 6},
-                                                    {"texture_v", 7},
-                                                    {"texture_s", 6},
-                                                    {"texture_t", 7}});
+                                                    {"s", 8},
+                                                    {"t", 9},
+                                                    {"texture_u", 10},
+                                                    {"texture_v", 11},
+                                                    {"texture_s", 12},
+                                                    {"texture_t", 13}});
   for (const Row& row : kRows)
     if (row.name == name) return row.slot;
   return kNowhere;
@@ -201,6 +202,7 @@ class BodyReader {
     if (has_uvs_) mesh.uvs = uvs_.finish();
     mesh.triangles = triangles_.finish();
     mesh.faces = faces_.finish();
+    mesh.polygons = polygons_;
     if (!mesh.triangles.empty() && largest_index_ >= mesh.positions.size())
       body_.fail("a face has vertex " + std::to_string(largest_index_) + ", but there are only " +
                  std::to_string(mesh.positions.size()));
@@ -233,7 +235,9 @@ class BodyReader {
     if (!given[0] || !given[1] || !given[2])
       body_.fail("the vertices of the PLY file have no x, y, z");
     has_normals_ = given[3] && given[4] && given[5];
-    has_uvs_ = given[6] && given[7];
+    std::size_t uv = kFirstUv;
+    while (uv < kNowhere && !(given[uv] && given[uv + 1])) uv += 2;
+    has_uvs_ = uv < kNowhere;
     for (std::uint64_t i = 0; i < e.count; ++i) {
       std::array<float, kNowhere + 1> v{};
       for (std::size_t j = 0; j < slots.size(); ++j) {
@@ -248,7 +252,7 @@ class BodyReader {
       positions_.push_back(p);
       if (has_normals_) normals_.push_back(is_finite(n) ? n : Vec3(0.f));
       if (has_uvs_)
-        uvs_.push_back({std::isfinite(v[6]) ? v[6] : 0.f, std::isfinite(v[7]) ? v[7] : 0.f});
+        uvs_.push_back({std::isfinite(v[uv]) ? v[uv] : 0.f, std::isfinite(v[uv + 1]) ? v[uv + 1] : 0.f});
     }
   }
 
@@ -276,8 +280,11 @@ class BodyReader {
           corners.push_back(static_cast<std::uint32_t>(index));
         }
       }
+      if (corners.size() > 4) ++polygons_;
       for (std::size_t i = 2; i < corners.size(); ++i) {
-        triangles_.push_back({corners[0], corners[i - 1], corners[i]});
+        // A quad's second triangle begins with its last corner, as pbrt-v3's does: uvs that are not given follow.
+        const bool last = corners.size() == 4 && i == 3;
+        triangles_.push_back(last ? glm::u32vec3{corners[3], corners[0], corners[2]} : glm::u32vec3{corners[0], corners[i - 1], corners[i]});
         faces_.push_back(static_cast<std::uint32_t>(face));
       }
       for (const std::uint32_t c : corners) largest_index_ = std::max(largest_index_, c);
@@ -292,6 +299,7 @@ class BodyReader {
   BulkWriter<std::uint32_t> faces_;
   bool has_normals_ = false, has_uvs_ = false;
   std::uint32_t largest_index_ = 0;
+  std::uint64_t polygons_ = 0;
 };
 
 }  // namespace

@@ -15,6 +15,7 @@ struct PlyMesh {
   BulkArray<Vec2> uvs;                // one a vertex, or empty
   BulkArray<glm::u32vec3> triangles;  // every index < positions.size()
   BulkArray<std::uint32_t> faces;     // the face of the file that each triangle is of
+  std::uint64_t polygons = 0;         // faces of more than four corners
 };
 
 // Reads an ASCII or binary PLY file of either byte order, gzipped or not. Throws SceneError: at

@@ -448,8 +448,10 @@ void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
   if (scene_.dialect == Dialect::v2) shape.params = resolve_textures(state, shape, std::nullopt);
 
   if (state.area_light) {
-    const bool weighed = shape.params.take("weighed").has_value(), invisible = shape.params.take("invisible").has_value();
-    if (shape.object) {
+    ShapeLight as;
+    as.weighed = shape.params.take("weighed").has_value();
+    as.invisible = shape.params.take("invisible").has_value();
+    if (shape.object && is_v4_) {
       warn_once(shape.location, "area lights inside of objects do not shine: ignored");
     } else if (shape.motion) {
       warn_once(shape.location, "area lights on moving shapes do not shine, as in pbrt: ignored");
@@ -458,16 +460,24 @@ void SceneBuilder::finish_shape(const GraphicsState& state, ShapeDesc& shape) {
       static constexpr std::array<std::string_view, 4> kMeshes{"trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv"};
       if (is_v4_ && light.entity.params.has("filename") && std::ranges::find(kMeshes, shape.type) == kMeshes.end())
         warn_once(shape.location, "a light's picture on a " + shape.type + ": its mean shines");
-      // Each patch has the power that is given, not each of its two triangles.
-      const bool patches = shape.type == "bilinearmesh" && light.entity.params.has("power");
-      AreaLightId& id = light.ids[(patches ? 1u : 0u) + (weighed ? 4u : invisible ? 2u : 0u)];
+      if (shape.object) {
+        warn_once(shape.location, "area lights inside of objects are seen, but light nothing, as in pbrt");
+        as = {.only_seen = true};
+      }
+      if (shape.type == "bilinearmesh" && light.entity.params.has("power"))
+        as.patches = std::max(1, static_cast<int>(shape.params.integers("indices").size() / 4));
+      AreaLightId& id = light.ids[as];
       if (!id) {
         id = AreaLightId(static_cast<std::uint32_t>(scene_.area_lights.size()));
         scene_.area_lights.push_back(light.entity);
         ParamSet& params = scene_.area_lights.back().params;
-        if (patches) params.add(make_bool("patches", true, light.entity.location));
-        if (invisible) params.add(make_bool("invisible", true, light.entity.location));
-        if (weighed) params.add(make_bool("weighed", true, light.entity.location));
+        const auto tell = [&](const char* name, bool value) {
+          if (value) params.add(make_bool(name, true, light.entity.location));
+        };
+        if (as.patches > 0) params.add(make_integer("patches", as.patches, light.entity.location));
+        tell("invisible", as.invisible);
+        tell("weighed", as.weighed);
+        tell("onlyseen", as.only_seen);
       }
       shape.area_light = id;
     }

@@ -233,8 +233,10 @@ void write_material_use(std::ostream& out, const SceneDescription& scene, Materi
 }
 
 void write_area_light(std::ostream& out, const SceneDescription& scene, AreaLightId id) {
-  if (id.value < scene.area_lights.size())
-    write_entity(out, "AreaLightSource", scene.area_lights[id.value], scene.dialect);
+  if (id.value >= scene.area_lights.size()) return;
+  Entity light = scene.area_lights[id.value];
+  light.params.take("onlyseen");  // the object around it says so
+  write_entity(out, "AreaLightSource", light, scene.dialect);
 }
 
 }  // namespace cloudrenderer

@@ -34,10 +34,12 @@ void V4Translator::film(Entity& e) const {
   if (const std::string sensor = p.string("sensor", "cie1931"); sensor != "cie1931")
     warn_(e.location, "the film's sensor \"" + sensor + "\" is taken for plain exposure");
   const float exposure = p.real("iso", 100.f) * p.real("exposuretime", 1.f) / 100.f;
-  if (p.has("whitebalance")) warn_(e.location, "the film's white balance is ignored");
-  for (const char* name : {"sensor", "iso", "whitebalance"}) p.take(name);
+  for (const char* name : {"sensor", "iso"}) p.take(name);
   if (exposure != 1.f) p.add(make_real("scale", exposure, e.location));
-  if (const auto bounds = p.take("pixelbounds"); bounds && bounds->integers.size() == 4) {
+  const auto bounds = p.take("pixelbounds");
+  if (bounds && p.has("cropwindow")) {
+    warn_(bounds->location, "the film has a \"cropwindow\", too: \"pixelbounds\" is ignored");
+  } else if (bounds && bounds->integers.size() == 4) {
     const float w = static_cast<float>(p.integer("xresolution", 1280)),
                 h = static_cast<float>(p.integer("yresolution", 720));
     const auto covers = [&](std::size_t i, float size) {
@@ -85,8 +87,11 @@ void V4Translator::integrator(Entity& e) const {
   if (e.type == "ao" || e.type == "ambientocclusion") {
     e.params.rename("maxdistance", "maxdist");
     e.params.add(make_integer("nsamples", 1, e.location));
-  } else if (e.type == "simplepath" || e.type == "lightpath" || e.type == "randomwalk" ||
-             e.type == "simplevolpath" || e.type == "function") {
+  } else if (e.type == "simplevolpath") {
+    e.type = "volpath";
+  } else if (e.type == "simplepath" || e.type == "lightpath" || e.type == "randomwalk" || e.type == "function") {
+    if (e.type == "randomwalk" || (e.type == "simplepath" && !e.params.boolean("samplelights", true)))
+      warn_(e.location, "integrator \"" + e.type + "\" finds no lights without a size in pbrt: here they shine");
     warn_(e.location, "integrator \"" + e.type +
                           "\" estimates the light transport of \"path\": rendered with path");
     e.type = "path";

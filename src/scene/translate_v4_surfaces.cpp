@@ -57,6 +57,7 @@ void V4Translator::conductor(Entity& e) const {
 
 void V4Translator::material(Entity& e) const {
   ParamSet& p = e.params;
+  if (p.has("normalmap")) p.take("displacement");  // only one counts
   p.rename("displacement", "bumpmap");
   if (e.type == "interface" || e.type == "none" || e.type.empty()) {
     e.type = "none";
@@ -104,7 +105,6 @@ void V4Translator::material(Entity& e) const {
       for (const char* decided : {"name", "sigma_a", "sigma_s"}) p.take(decided);
     }
     roughness(e, 0.f);
-    p.take("roughnessmap");
   } else if (e.type == "mix") {
     // v4's amount is the share of the second one.
     if (const Param* amount = p.find("amount"); amount && amount->type == ParamType::real)

@@ -40,7 +40,8 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
         e.radiance = e.scale * average;
         e.picture = std::make_shared<LightMap>(std::move(map));
       }
-      e.patches = desc.params.boolean("patches", false);
+      e.patches = static_cast<std::uint32_t>(std::max(0, desc.params.integer("patches", 0)));
+      e.only_seen = desc.params.boolean("onlyseen", false);
       e.invisible = desc.params.boolean("invisible", false);
       e.weighed = desc.params.boolean("weighed", false);
       if (!is_finite(e.radiance) || !(e.power < kInfinity))

@@ -5,6 +5,7 @@
 #include "base/portable_math.h"
 #include "base/equal_area.h"
 #include "images/images.h"
+#include "scene/color_space.h"
 #include "shading/texture_image.h"
 
 namespace cloudrenderer {
@@ -36,12 +37,15 @@ LightMap read_light_map(const Entity& light, const char* name, const Rgb& scale,
   if (in_place ? !input->read(3, &map.texels[0].x, why) : !input->read(info.channels, values.data(), why)) return give_up(why);
   ImageEncoding srgb;
   srgb.srgb = true;
+  // The maps of pbrt-v4 have the colours of the space that they name.
+  const auto space = decodes && info.chromaticities ? ColorSpace::find(*info.chromaticities) : std::nullopt;
   std::size_t bad = 0, negative = 0;
   for (std::size_t p = 0; p < count; ++p) {
     for (std::size_t i = 0; !in_place && i < 3; ++i)
       map.texels[p][static_cast<int>(i)] = values[p * channels + static_cast<std::size_t>(info.rgb[i])];
     if (decodes && !info.is_float)
       for (int i = 0; i < 3; ++i) map.texels[p][i] = srgb.decode(map.texels[p][i]);
+    if (space) map.texels[p] = space->to_working(map.texels[p]);
     map.texels[p] *= scale;
     if (!is_finite(map.texels[p])) {
       map.texels[p] = Rgb(0.f);

@@ -74,12 +74,12 @@ std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const 
   if (q.kind == QuadricKind::sphere) {
     b.strength = average(radiance) * area / 4;  // seen from anywhere: pi r^2
     e.kind = EmitterKind::sphere_part;
+    e.outward = flip == q.object_to_world.swaps_handedness();
     if (is_whole(q) && is_similarity(record.to_world)) {
       e.kind = EmitterKind::sphere;
       e.position = b.center = record.offset;
       b.radius = q.radius * glm::length(record.to_world[0]);
       e.radius2 = b.radius * b.radius;
-      e.outward = flip == q.object_to_world.swaps_handedness();
     }
   } else {
     e.kind = EmitterKind::quadric;
@@ -166,8 +166,8 @@ bool sample_sphere_part(const Emitter& e, const EmissiveQuadric& q, const Vec3& 
   QuadricHit hit;
   const float scale = std::sqrt(d2) * stretch;
   if (!intersect(q.quadric, p, out.wi, 1e-5f * scale, kInfinity, hit)) return false;
-  const SurfacePoint point = surface_point(q.quadric, q.flip, p, out.wi, hit.t);
-  if (!e.two_sided && !(glm::dot(point.ng, out.wi) < 0.f)) return false;
+  const bool from_outside = glm::dot(hit.t / stretch * direction - w, direction) < 0.f;
+  if (!e.two_sided && from_outside != e.outward) return false;
   out.distance = hit.t;
   out.radiance = e.radiance;
   out.delta = false;

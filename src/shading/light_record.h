@@ -53,8 +53,9 @@ struct Emission {
   Rgb radiance{0};
   bool two_sided = false;
   float power = 0;      // pbrt-v4: of each primitive, which shines by radiance * power / (pi * its area * its sides)
-  bool patches = false;  // two triangles are one of them
+  std::uint32_t patches = 0;  // so many primitives are all of a mesh, with as many triangles each; 0: triangles are
   bool invisible = false;  // its alpha is 0 everywhere
+  bool only_seen = false;  // before pbrt-v4: of an object, whose shapes light nothing
   bool weighed = false;    // before pbrt-v4 samples of such a light have their weights as if rays could find it
   std::shared_ptr<const LightMap> picture;  // pbrt-v4: the radiance of triangles is `scale` times it, that of others `radiance`
   Rgb scale{1};

@@ -35,8 +35,11 @@ class SceneLights final : public Lights {
   bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
   bool has_v2_disk() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e); }); }
   bool disagrees() const override {
-    const auto turned = [&](const Emitter& e) { return e.kind == EmitterKind::sphere && !e.two_sided && quadrics_[e.index].quadric.inside_out; };
-    return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e) || turned(e); });
+    const auto turned = [&](const Emitter& e) {
+      const bool curved = e.kind == EmitterKind::sphere || e.kind == EmitterKind::sphere_part || e.kind == EmitterKind::quadric;
+      return curved && !e.two_sided && quadrics_[e.index].quadric.inside_out;
+    };
+    return std::ranges::any_of(emitters_, turned);
   }
   std::uint64_t bytes() const override {
     std::uint64_t n = emitters_.size() * sizeof(Emitter) + choice_.bytes() +
@@ -101,6 +104,7 @@ class SceneLights final : public Lights {
     const Rgb radiance = e.picture && is_mesh_[light] ? e.scale * clamped(*e.picture, uv) : e.radiance;
     return e.power > 0.f ? radiance * power_factor(light, primitive) : radiance;
   }
+  bool is_only_seen(std::uint32_t light) const override { return emissions_[light].only_seen; }
   bool has_pictures() const override { return std::ranges::any_of(emissions_, [](const Emission& e) { return e.picture != nullptr; }); }
 
   float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n, const Vec3& direction,
@@ -347,12 +351,12 @@ class SceneLights final : public Lights {
 
   void add_shapes(const Part& part, Dialect dialect) {
     for (const MeshChunk& chunk : part.chunks)
-      if (chunk.light < emissions_.size()) {
+      if (shines(chunk.light)) {
         reserve(chunk, part);
         is_mesh_[chunk.light] = true;
       }
     for (const QuadricRecord& record : part.quadrics)
-      if (record.light < emissions_.size()) ranges_[record.light].count = 1;
+      if (shines(record.light)) ranges_[record.light].count = 1;
     std::uint32_t total = 0;
     for (PrimitiveRange& range : ranges_) {
       range.first = total;
@@ -366,10 +370,10 @@ class SceneLights final : public Lights {
     // A texture that makes holes makes the light unfit for sampling by area; rays that hit it count
     // in full.
     for (const MeshChunk& chunk : part.chunks)
-      if (chunk.light < emissions_.size() && (chunk.alpha_texture == kNone || emissions_[chunk.light].invisible))
+      if (shines(chunk.light) && (chunk.alpha_texture == kNone || emissions_[chunk.light].invisible))
         add_mesh(chunk, part, dialect);
     for (const QuadricRecord& record : part.quadrics) {
-      if (record.light >= emissions_.size()) continue;
+      if (!shines(record.light)) continue;
       const Emission& emission = emissions_[record.light];
       if (record.alpha_texture != kNone && !emission.invisible) continue;
       EmissiveQuadric quadric;
@@ -383,30 +387,38 @@ class SceneLights final : public Lights {
     }
   }
 
-  // By which factor each primitive of a light with a power shines. Primitives of 0 area do not.
+  // Whether a shape's light is one that can be sampled.
+  bool shines(std::uint32_t light) const { return light < emissions_.size() && !emissions_[light].only_seen; }
+
+  // By which factor each primitive of a light with a power shines. Primitives of 0 area do not. As in pbrt-v4 the area is that
+  // of a quadric in its object space, of a triangle in the world's, and of a bilinear patch all that its triangles have.
   void add_powers(const Part& part) {
-    const auto set = [&](std::uint32_t light, std::uint32_t primitive, float area) {
-      const Emission& e = emissions_[light];
-      const float factor = e.power / (kPi * area * (e.two_sided ? 2.f : 1.f));
-      powers_[ranges_[light].first + primitive] = factor < kInfinity ? factor : 0.f;
+    for (const QuadricRecord& record : part.quadrics) {
+      if (!shines(record.light)) continue;
+      Quadric unplaced = record.quadric;
+      unplaced.object_to_world = Transform();
+      powers_[ranges_[record.light].first] = surface_area(unplaced);
+    }
+    // The first primitive of the patch that primitive `i` is of.
+    const auto patch = [&](std::uint32_t light, std::uint32_t i) {
+      const std::uint32_t patches = emissions_[light].patches;
+      if (patches == 0) return i;
+      const std::uint32_t each = (ranges_[light].count + patches - 1) / patches;
+      return i / each * each;
     };
-    for (const QuadricRecord& record : part.quadrics)
-      if (record.light < emissions_.size()) set(record.light, 0, surface_area(record.quadric));
-    for (const MeshChunk& chunk : part.chunks) {
-      if (chunk.light >= emissions_.size()) continue;
-      const auto area = [&](std::uint32_t i) {
+    for (const MeshChunk& chunk : part.chunks)
+      for (std::uint32_t i = 0; shines(chunk.light) && i < chunk.triangle_count; ++i) {
         const TriangleVertices t = vertices_of(part, chunk, chunk.first_triangle + i);
-        return 0.5f * glm::length(glm::cross(t.p[1] - t.p[0], t.p[2] - t.p[0]));
-      };
-      const auto number = [&](std::uint32_t i) { return part.source_primitive(chunk, chunk.first_triangle + i); };
-      for (std::uint32_t i = 0; i < chunk.triangle_count; ++i) {
-        float whole = area(i);
-        const bool with_next = i + 1 < chunk.triangle_count && number(i + 1) == number(i) + 1 && number(i) % 2 == 0;
-        if (emissions_[chunk.light].patches && with_next) {
-          whole += area(i + 1);
-          set(chunk.light, number(i++), whole);
-        }
-        set(chunk.light, number(i), whole);
+        const std::uint32_t number = patch(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i));
+        powers_[ranges_[chunk.light].first + number] += 0.5f * glm::length(glm::cross(t.p[1] - t.p[0], t.p[2] - t.p[0]));
+      }
+    for (std::uint32_t light = 0; light < ranges_.size(); ++light) {
+      const Emission& e = emissions_[light];
+      for (std::uint32_t i = 0; i < ranges_[light].count; ++i) {
+        float& power = powers_[ranges_[light].first + i];
+        const std::uint32_t first = patch(light, i);
+        const float factor = e.power / (kPi * power * (e.two_sided ? 2.f : 1.f));
+        power = first != i ? powers_[ranges_[light].first + first] : factor < kInfinity ? factor : 0.f;
       }
     }
   }

@@ -88,6 +88,8 @@ class Lights {
   // by sample(), all weight is with the ray that hit it. Disks of pbrt-v2: LightSample::weight_pdf.
   virtual Rgb emitted(std::uint32_t light, const Vec3& ng, const Vec3& direction, std::uint32_t primitive,
                       const Vec2& uv) const = 0;
+  // Light of `light` that counts for camera rays and specular bounces alone.
+  virtual bool is_only_seen(std::uint32_t light) const = 0;
   virtual bool has_pictures() const = 0;  // of emissive shapes
   virtual float emitted_pdf(std::uint32_t light, const Vec3& p, const Vec3& n,
                             const Vec3& direction, float t, const Vec3& hit_point,

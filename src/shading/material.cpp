@@ -138,6 +138,7 @@ std::vector<MaterialRecord> build_materials(const SceneDescription& scene,
       r.has_normal_map = in.base->has_normal_map;
       r.normal_map = in.base->normal_map;
     }
+    r.chooses = in.chooses;
     r.tangents = in.tangents;
     r.estimated = in.estimated;
     r.needs = params.needs();

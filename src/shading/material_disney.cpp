@@ -60,7 +60,7 @@ class Disney final : public Material {
   bool has_subsurface() const override { return albedo_.has_value(); }
   // The diffuse colour is that of a medium behind a boundary that bends light on its way in only. Its mean free path: the
   // profile of Burley's that has this width (Christensen and Burley 2015, "Approximate Reflectance Profiles for Efficient
-  // Subsurface Scattering", for light that enters diffusely).
+  // Subsurface Scattering", for light that enters diffusely), a fifth of what the parameter says (Burley and Chiang to pbrt-v3).
   bool subsurface(const TexturePoint& at, SubsurfacePoint& out) const override {
     const Rgb distance = positive(distance_(at));
     const float diffuse = (1.f - share(metallic_(at))) * (1.f - share(transmission_(at)));
@@ -68,7 +68,7 @@ class Disney final : public Material {
     const Rgb color = diffuse * positive(color_(at));
     for (int c = 0; c < 3; ++c) {
       const float a = std::min(color[c], 1.f), albedo = albedo_->single_scattering(a);
-      const float sigma_t = 1.f / std::max(distance[c] * (1.9f - a + 3.5f * square(a - 0.8f)), 1e-9f);
+      const float sigma_t = 1.f / std::max(0.2f * distance[c] * (1.9f - a + 3.5f * square(a - 0.8f)), 1e-9f);
       out.medium.sigma_s[c] = albedo * sigma_t;
       out.medium.sigma_a[c] = (1.f - albedo) * sigma_t;
     }

@@ -37,6 +37,8 @@ class Material {
   // Materials with a medium inside, into which light goes that their lobes transmit. False: none, here.
   virtual bool has_subsurface() const { return false; }
   virtual bool subsurface(const TexturePoint&, SubsurfacePoint&) const { return false; }
+  // Which other material stands for this one here; null: none does.
+  virtual const struct MaterialRecord* chosen(const TexturePoint&) const { return nullptr; }
 };
 
 // A material with what Shading must know of it.
@@ -52,6 +54,7 @@ struct MaterialRecord {
   TexturedRgb normal_map;  // pbrt-v4
   bool has_normal_map = false;
   bool bends() const { return has_bump || has_normal_map; }
+  bool chooses = false;    // Material::chosen() is not null
   bool estimated = false;  // some lobe may be without a formula: see Bsdf::set_salt
   TexturedFloat bump;
   TextureNeeds needs;
@@ -69,6 +72,7 @@ struct MaterialInputs {
   int depth = 1;                            // set by the maker of mixes
   int lobes = 0;                            // set by the maker of mixes
   const MaterialRecord* base = nullptr;     // whose bump map counts, set by the maker of mixes
+  bool chooses = false;                     // set by the maker of mixes
 };
 
 struct MaterialKind {

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <array>
+#include <bit>
 
+#include "base/random.h"
 #include "scene/material_order.h"
 #include "shading/material_kinds.h"
 
@@ -46,6 +48,31 @@ class Mix final : public Material {
   Rgb most_;
 };
 
+// pbrt-v4 decides for one of the two by the hash of the place. Where their normals are bent in different ways no sum of
+// their lobes has the same mean.
+class Choice final : public Material {
+ public:
+  Choice(const MaterialRecord* first, const MaterialRecord* second, const TexturedRgb& amount) : parts_{first, second}, amount_(amount) {}
+  const MaterialRecord* chosen(const TexturePoint& at) const override {
+    std::uint64_t key = 0;
+    for (int i = 0; i < 3; ++i) key = mix64(key ^ std::bit_cast<std::uint32_t>(at.p[i]));
+    return parts_[to_unit(static_cast<std::uint32_t>(key >> 32)) < luminance(amount_(at)) ? 0 : 1];
+  }
+  void add_lobes(const TexturePoint& at, LobeSink& out) const override { chosen(at)->material->add_lobes(at, out); }
+  bool has_subsurface() const override { return parts_[0]->has_subsurface || parts_[1]->has_subsurface; }
+  bool subsurface(const TexturePoint& at, SubsurfacePoint& out) const override { return chosen(at)->material->subsurface(at, out); }
+
+ private:
+  std::array<const MaterialRecord*, 2> parts_;  // with materials
+  TexturedRgb amount_;
+};
+
+bool bend_alike(const MaterialRecord& a, const MaterialRecord& b) {
+  const bool bumps = a.has_bump == b.has_bump && (!a.has_bump || a.bump.texture == b.bump.texture);
+  const bool maps = a.has_normal_map == b.has_normal_map && (!a.has_normal_map || a.normal_map.texture == b.normal_map.texture);
+  return bumps && maps && !a.chooses && !b.chooses;
+}
+
 const MaterialRecord* mixed(MaterialInputs& in, std::string_view name) {
   in.params.params().string(name, "");  // so that it counts as read
   const auto index = mixed_material(in.params.params(), name);
@@ -70,6 +97,12 @@ std::unique_ptr<Material> make_mix(MaterialInputs& in) {
   const TexturedRgb amount = in.params.rgb("amount", Rgb(0.5f));
   const MaterialRecord* a = mixed(in, "namedmaterial1");
   const MaterialRecord* b = mixed(in, "namedmaterial2");
+  const bool v4 = in.params.params().boolean("atmostone", false);
+  if (v4 && a && b && a->material && b->material && !bend_alike(*a, *b)) {
+    in.chooses = true;
+    in.params.set_textured();
+    return std::make_unique<Choice>(a, b, amount);
+  }
   in.base = a;
   return std::make_unique<Mix>(a, b, amount, most_reflected(in));
 }

@@ -110,7 +110,7 @@ class SceneShading final : public Shading {
 
   using Shading::bsdf;
   Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const override {
-    const MaterialRecord* r = material < records_.size() ? &records_[material] : nullptr;
+    const MaterialRecord* r = material < records_.size() ? &chosen(records_[material], point, footprint) : nullptr;
     if (r && (r->textured || r->bends())) return textured(*r, point, footprint);
     Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), deciding_normal(point));
     if (r) b.add(std::span<const Lobe>(r->lobes));
@@ -128,7 +128,7 @@ class SceneShading final : public Shading {
   bool subsurface(std::uint32_t material, const SurfacePoint& point, const Footprint& footprint,
                   SubsurfacePoint& out) const override {
     if (material >= records_.size()) return false;
-    const MaterialRecord& r = records_[material];
+    const MaterialRecord& r = chosen(records_[material], point, footprint);
     if (r.subsurface) out = *r.subsurface;
     return r.subsurface || (r.has_subsurface && r.textured && r.material->subsurface(TexturePoint(point, footprint), out));
   }
@@ -164,6 +164,11 @@ class SceneShading final : public Shading {
   bool alpha_by_chance(std::uint32_t texture) const override { return textures_.by_chance(texture); }
 
  private:
+  static const MaterialRecord& chosen(const MaterialRecord& record, const SurfacePoint& point, const Footprint& footprint) {
+    const MaterialRecord* r = &record;
+    while (r->chooses) r = r->material->chosen(TexturePoint(point, footprint));
+    return *r;
+  }
   const Vec3& deciding_normal(const SurfacePoint& point) const { return by_shading_normals_ ? point.ns : point.ng; }
   Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Footprint& footprint) const {
     const TexturePoint at(point, footprint);

@@ -26,8 +26,9 @@ struct ImageEncoding {
   bool flip = false;       // the first row is at t = 1
   bool invert = false;     // pbrt-v4: one minus the value
   bool luminance = false;  // one value a texel
-  bool mean = false;       // pbrt-v4: this value is alpha where the file has one that is not 1 everywhere, else the mean of the
-                           // decoded channels
+  bool mean = false;       // pbrt-v4: this value is the mean of the decoded channels
+  bool masks = false;      // with it: or alpha, where the file has one that is not 1 everywhere
+  bool primaries = false;  // pbrt-v4: colours are of the space that the file names
   auto operator<=>(const ImageEncoding&) const = default;
 
   float decode(float x) const;

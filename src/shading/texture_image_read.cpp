@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <optional>
 
 #include "images/images.h"
+#include "scene/color_space.h"
 #include "shading/texture_image.h"
 
 namespace cloudrenderer {
@@ -13,6 +15,7 @@ namespace {
 
 struct Pixels {
   int width = 0, height = 0, channels = 1;  // 1, 3 or 4
+  std::optional<ColorSpace> space;  // that the file names
   bool bytes = false;
   std::vector<std::byte> byte;  // as stored in the file
   float unit(std::size_t i) const { return static_cast<float>(std::to_integer<int>(byte[i])) / 255.f; }
@@ -49,7 +52,8 @@ Pixels read_pixels(const std::string& path, bool alpha, const FileLocation& wher
   Pixels p;
   p.width = info.width;
   p.height = info.height;
-  p.channels = alpha && info.channels >= 4 ? 4 : info.channels >= 3 ? 3 : 1;
+  if (info.chromaticities) p.space = ColorSpace::find(*info.chromaticities);
+  p.channels = alpha && info.alpha == 3 ? 4 : info.channels >= 3 ? 3 : 1;
   p.bytes = info.bytes;
   const std::size_t count = p.row() * static_cast<std::size_t>(p.height);
   std::string why;
@@ -223,9 +227,14 @@ const ImagePyramid* ImageStore::get(const std::string& path, const ImageEncoding
     slot = std::make_unique<ImagePyramid>();
     return slot.get();
   }
-  Pixels p = read_pixels(path, encoding.mean, where);
+  Pixels p = read_pixels(path, encoding.mean && encoding.masks, where);
   const bool decoded = encoding.mean && to_mean(p, encoding);
   if (encoding.luminance) to_luminance(p);
+  if (encoding.primaries && p.channels == 3 && !p.bytes && p.space && !p.space->is_working())
+    for (std::size_t i = 0; i + 2 < p.real.size(); i += 3) {
+      const Rgb c = p.space->to_working({p.real[i], p.real[i + 1], p.real[i + 2]});
+      for (int k = 0; k < 3; ++k) p.real[i + static_cast<std::size_t>(k)] = c[k];
+    }
   if (encoding.flip) p.bytes ? flip_rows(p.byte, p.row()) : flip_rows(p.real, p.row());
 
   auto pyramid = std::make_unique<ImagePyramid>();

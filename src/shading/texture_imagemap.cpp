@@ -82,9 +82,11 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
     encoding.gamma = p.real("gamma", 1.f);
   }
   encoding.luminance = std::is_same_v<T, float>;
-  encoding.mean = p.boolean("mean", false) && encoding.luminance;
-  ImageFilter filter;
   const bool v4 = p.boolean("mean", false);
+  encoding.mean = v4 && encoding.luminance;
+  encoding.masks = encoding.mean && (ends_with(path, ".png") || ends_with(path, ".exr"));  // of no other files
+  encoding.primaries = v4 && !encoding.luminance;
+  ImageFilter filter;
   const std::string kind = p.string("filter", v4 ? "bilinear" : "ewa");
   if (kind == "bilinear")
     filter.kind = ImageFilter::Kind::bilinear;

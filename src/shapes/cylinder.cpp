@@ -32,7 +32,9 @@ double area(const Quadric& q) {
 void sample(const Quadric& q, const Vec2& u, DVec3& p, DVec3& n) {
   float s, c;
   portable::sincos(u.y * q.phi_max, s, c);
+  // The side that pbrt samples is the outer one, whatever side of a mirrored cylinder it sees; sample_area() turns it.
   n = DVec3(c, s, 0);
+  if (q.inside_out) n = -n;
   const double z = q.z_min + static_cast<double>(u.x) * (static_cast<double>(q.z_max) - q.z_min);
   p = project(q, DVec3(c, s, z));
 }

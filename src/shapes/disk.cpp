@@ -54,7 +54,7 @@ ShapeGeometry make_disk(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   q.radius = positive_parameter(shape, "radius", 1.f);
   q.inner_radius = finite_parameter(shape, "innerradius", 0.f);
   if (q.inner_radius < 0.f || q.inner_radius >= q.radius)
-    throw SceneError(location_of(shape, "innerradius"),
+    throw EmptyShape(location_of(shape, "innerradius"),
                      fmt::format("innerradius must be >= 0 and less than radius ({}), got {}",
                                  q.radius, q.inner_radius));
   // pbrt-v2 sees a disk's -z side as the front, though it samples lights on +z: the references of

@@ -2,7 +2,7 @@
 
 #include <string_view>
 
-#include "shapes/builders.h"
+#include "shapes/quadric_builder.h"
 
 namespace cloudrenderer {
 
@@ -38,7 +38,12 @@ ShapeGeometry make_geometry(const ShapeDesc& shape, Dialect dialect, Warnings& w
     if (kind.name != shape.type) continue;
     if (!shape.object_to_world.is_invertible())
       throw SceneError(shape.location, "the transform of Shape \"" + shape.type + "\" is singular");
-    return kind.make(shape, dialect, warnings);
+    try {
+      return kind.make(shape, dialect, warnings);
+    } catch (const EmptyShape& e) {
+      warnings.add(e.location, e.what() + std::string(": the shape is left out"));
+      return TriangleMesh{};
+    }
   }
   std::string known;
   for (const ShapeKind& kind : kShapes)

@@ -90,12 +90,12 @@ ShapeGeometry make_hyperboloid(const ShapeDesc& shape, Dialect dialect, Warnings
   if (q.p2.z == 0.f)
     std::swap(q.p1, q.p2);  // as pbrt: it decides where v starts and which side is outside
   if (q.p1.z == q.p2.z)
-    throw SceneError(location_of(shape, "p2"),
+    throw EmptyShape(location_of(shape, "p2"),
                      "p1 and p2 of a hyperboloid must differ in z (use a disk)");
   q.z_min = std::min(q.p1.z, q.p2.z);
   q.z_max = std::max(q.p1.z, q.p2.z);
   if (!(max_radius(q) > 0) || max_radius(q) > static_cast<double>(kInfinity))
-    throw SceneError(location_of(shape, "p2"), "p1 and p2 make no hyperboloid");
+    throw EmptyShape(location_of(shape, "p2"), "p1 and p2 make no hyperboloid");
   return q;
 }
 

@@ -53,7 +53,7 @@ ShapeGeometry make_paraboloid(const ShapeDesc& shape, Dialect dialect, Warnings&
   q.radius = positive_parameter(shape, "radius", 1.f);
   read_z_range(shape, 0.f, 1.f, q);
   if (!(q.z_max > 0.f))
-    throw SceneError(location_of(shape, "zmax"), fmt::format("zmax must be > 0, got {}", q.z_max));
+    throw EmptyShape(location_of(shape, "zmax"), fmt::format("zmax must be > 0, got {}", q.z_max));
   return q;
 }
 

@@ -8,6 +8,8 @@ ShapeGeometry make_plymesh(const ShapeDesc& shape, Dialect dialect, Warnings& wa
   const std::string path = shape.params.string("filename", "");
   if (path.empty()) throw SceneError(shape.location, "a plymesh needs \"filename\"");
   PlyMesh ply = read_ply(path, location_of(shape, "filename"));
+  if (ply.polygons > 0)
+    warnings.add(location_of(shape, "filename"), std::to_string(ply.polygons) + " faces have more than four corners, which pbrt leaves out: they are drawn");
   TriangleMesh mesh{std::move(ply.positions), std::move(ply.normals), std::move(ply.uvs),
                     std::move(ply.triangles)};
   if (mesh.triangles.empty())

@@ -13,7 +13,7 @@ Quadric begin_quadric(const ShapeDesc& shape, QuadricKind kind, Dialect dialect)
                      fmt::format("Shape \"{}\" cannot have a perspective transform", shape.type));
   const float degrees = finite_parameter(shape, "phimax", 360.f);
   if (!(degrees > 0.f))
-    throw SceneError(location_of(shape, "phimax"),
+    throw EmptyShape(location_of(shape, "phimax"),
                      fmt::format("phimax must be > 0, got {}", degrees));
   Quadric q;
   q.kind = kind;
@@ -34,7 +34,7 @@ float finite_parameter(const ShapeDesc& shape, const char* name, float otherwise
 float positive_parameter(const ShapeDesc& shape, const char* name, float otherwise) {
   const float value = finite_parameter(shape, name, otherwise);
   if (!(value > 0.f))
-    throw SceneError(location_of(shape, name), fmt::format("{} must be > 0, got {}", name, value));
+    throw EmptyShape(location_of(shape, name), fmt::format("{} must be > 0, got {}", name, value));
   return value;
 }
 
@@ -42,7 +42,7 @@ void read_z_range(const ShapeDesc& shape, float z_min, float z_max, Quadric& q) 
   const float a = finite_parameter(shape, "zmin", z_min),
               b = finite_parameter(shape, "zmax", z_max);
   if (a == b)
-    throw SceneError(location_of(shape, "zmin"),
+    throw EmptyShape(location_of(shape, "zmin"),
                      fmt::format("zmin and zmax must differ, both are {}", a));
   q.z_min = std::min(a, b);
   q.z_max = std::max(a, b);

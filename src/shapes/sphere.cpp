@@ -73,7 +73,7 @@ ShapeGeometry make_sphere(const ShapeDesc& shape, Dialect dialect, Warnings&) {
   q.z_min = std::clamp(q.z_min, -q.radius, q.radius);
   q.z_max = std::clamp(q.z_max, -q.radius, q.radius);
   if (!(q.z_min < q.z_max))
-    throw SceneError(
+    throw EmptyShape(
         location_of(shape, "zmin"),
         fmt::format("nothing of the sphere of radius {} lies between zmin and zmax", q.radius));
   return q;

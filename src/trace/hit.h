@@ -54,6 +54,7 @@ struct BrickRay {
   const SampleSequence* sequence = nullptr;  // of its path, for the first number in each brick: less noise; or none
   std::uint32_t dimension = 0;  // of the sequence
   std::uint32_t channel = 0; // whose rates count
+  float reach = kInfinity;   // bricks farther away do not count
   std::uint16_t medium = kAnyMedium;  // only bricks of this one count: 1 + its number
   MediumStretches* stretches = nullptr;  // none: they count all along the ray
 };

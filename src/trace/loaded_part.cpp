@@ -429,6 +429,7 @@ float LoadedPart::collide(std::uint32_t brick, const Vec3& origin, const Vec3& d
   const BrickRecord& b = part_.bricks[brick];
   if (ray.medium != BrickRay::kAnyMedium && ray.medium != b.medium + 1) return kInfinity;
   if (b.medium >= scene.rates.size()) return kInfinity;
+  t_far = std::min(t_far, ray.reach);
   const CollisionRate& rate = scene.rates[b.medium];
   const std::uint64_t number = mix64((std::uint64_t{b.shape} << 32) | b.primitive), key = mix64(ray.key + number);
   Vec2 first{to_unit(static_cast<std::uint32_t>(key >> 32)), to_unit(static_cast<std::uint32_t>(key))};

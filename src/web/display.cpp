@@ -97,7 +97,7 @@ void Display::look(const RenderView& view) {
   for (const std::size_t tile : watch_.choose(view.core, ended ? frame.pixels() : kPixelsPerLook)) {
     const RendererRange r = view.core.tile_range(tile);
     messages.push_back(tev::update_tile(name_, r.x0 - frame.x0, r.y0 - frame.y0, r.x1 - r.x0, r.y1 - r.y0,
-                                        tile_pixels(view.core, r, view.facts.settings.film.scale)));
+                                        tile_pixels(view.core, r, view.facts.settings.film)));
   }
   const std::lock_guard lock(mutex_);
   for (std::string& m : messages) waiting_.push_back(std::move(m));

@@ -26,10 +26,10 @@ void Hub::look(const RenderView& view, Time now) {
     joins = joins_;
     newcomers = joins != coarse_joins_;
   }
-  const float scale = view.facts.settings.film.scale;
+  const FilmOptions& film = view.facts.settings.film;
   const bool ended = view.core.finished();
   if (viewers > 0 && newcomers) {
-    auto coarse = std::make_shared<const std::string>(encode_coarse(view.core, scale, kCoarsePixels));
+    auto coarse = std::make_shared<const std::string>(encode_coarse(view.core, film, kCoarsePixels));
     const std::lock_guard lock(mutex_);
     coarse_ = std::move(coarse);
     coarse_joins_ = joins;
@@ -41,7 +41,7 @@ void Hub::look(const RenderView& view, Time now) {
     std::vector<std::pair<std::size_t, std::string>> encoded;
     if (viewers > 0)
       for (const std::size_t tile : watch_.choose(view.core, pixels))
-        encoded.emplace_back(tile, TileBoard::encode(view.core, tile, scale));
+        encoded.emplace_back(tile, TileBoard::encode(view.core, tile, film));
     const std::lock_guard lock(mutex_);
     for (auto& [tile, bytes] : encoded) board_.put(tile, std::move(bytes));
   }

@@ -53,7 +53,7 @@ std::string encode_tile(const TileBox& box, std::span<const Rgb> pixels) {
   return with_pixels({box.x0, box.y0, box.x1 - box.x0, box.y1 - box.y0, box.samples}, pixels);
 }
 
-std::string encode_coarse(const ManagerCore& core, float scale, std::size_t most) {
+std::string encode_coarse(const ManagerCore& core, const FilmOptions& options, std::size_t most) {
   const Film& film = core.film();
   const std::uint32_t w = film.frame().crop_width(), h = film.frame().crop_height();
   const auto size = [](std::uint32_t n, std::uint32_t by) { return (n + by - 1) / by; };
@@ -63,7 +63,7 @@ std::string encode_coarse(const ManagerCore& core, float scale, std::size_t most
   for (std::uint32_t y = 0; y < h; y += step)
     for (std::uint32_t x = 0; x < w; x += step) {
       const std::size_t row = std::min(y + step / 2, h - 1);
-      pixels.push_back(film.colour(row * w + std::min(x + step / 2, w - 1), scale));
+      pixels.push_back(developed(film, row * w + std::min(x + step / 2, w - 1), options));
     }
   return with_pixels({step, size(w, step), size(h, step)}, pixels);
 }
@@ -108,23 +108,23 @@ std::vector<std::size_t> TileWatch::choose(const ManagerCore& core, std::uint64_
   return out;
 }
 
-std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile, float scale) {
+std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile, const FilmOptions& options) {
   const Film& film = core.film();
   const FilmFrame& frame = film.frame();
   std::vector<Rgb> out;
   out.reserve(pixels_of(tile));
   for (std::uint32_t y = tile.y0; y < tile.y1; ++y) {
     const std::size_t row = std::size_t{y - frame.y0} * frame.crop_width() - frame.x0;
-    for (std::uint32_t x = tile.x0; x < tile.x1; ++x) out.push_back(film.colour(row + x, scale));
+    for (std::uint32_t x = tile.x0; x < tile.x1; ++x) out.push_back(developed(film, row + x, options));
   }
   return out;
 }
 
-std::string TileBoard::encode(const ManagerCore& core, std::size_t tile, float scale) {
+std::string TileBoard::encode(const ManagerCore& core, std::size_t tile, const FilmOptions& options) {
   const RendererRange r = core.tile_range(tile);
   const FilmFrame& frame = core.film().frame();
   return encode_tile({r.x0 - frame.x0, r.y0 - frame.y0, r.x1 - frame.x0, r.y1 - frame.y0, static_cast<std::uint32_t>(core.tile_samples(tile))},
-                     tile_pixels(core, r, scale));
+                     tile_pixels(core, r, options));
 }
 
 void TileBoard::put(std::size_t tile, std::string bytes) {

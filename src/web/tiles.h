@@ -26,7 +26,7 @@ struct TileBox {
 std::string encode_tile(const TileBox& box, std::span<const Rgb> pixels);
 // All of the picture in at most `most` pixels, for those who have nothing yet: step, width, height (32 bits each,
 // little-endian), then the pixels at the middle of squares of `step` pixels.
-std::string encode_coarse(const ManagerCore& core, float scale, std::size_t most);
+std::string encode_coarse(const ManagerCore& core, const FilmOptions& options, std::size_t most);
 
 // Looks which tiles of a growing picture are worth sending. A value of the render's thread.
 class TileWatch {
@@ -44,13 +44,13 @@ class TileWatch {
 };
 
 // The pixels of a tile, row by row, black where there is no sample yet.
-std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile, float scale);
+std::vector<Rgb> tile_pixels(const ManagerCore& core, const RendererRange& tile, const FilmOptions& options);
 
 // The tiles as viewers get them, the last state of each. Not thread-safe.
 class TileBoard {
  public:
   using Bytes = std::shared_ptr<const std::string>;
-  static std::string encode(const ManagerCore& core, std::size_t tile, float scale);  // as encode_tile
+  static std::string encode(const ManagerCore& core, std::size_t tile, const FilmOptions& options);  // as encode_tile
 
   void put(std::size_t tile, std::string bytes);
   // What a viewer has seen.
