@@ -301,7 +301,7 @@ std::vector<Broken> scenes_of_v4() {
       {P, "\"L\" is ignored", w("LightSource \"infinite\" \"rgb L\" [1 1 1] \"string filename\" \"map.exr\"")},
       {P, "has no parameter \"roughness\"", w("Material \"diffuse\" \"float roughness\" 1")},
       {P, "cannot read", w("Material \"diffuse\" \"string normalmap\" \"x.png\"")},
-      {P, "\"pixelbounds\" is ignored", "Film \"rgb\" \"integer pixelbounds\" [0 4 0 4] \"float cropwindow\" [0 .5 0 .5]\n" + w("")},
+      {P, "\"pixelbounds\" is ignored", "Film \"rgb\" \"integer pixelbounds\" [0 4 0 4] \"float cropwindow\" [0 1 0 1]\n" + w("")},
       {P, "kelvin: ignored", "Film \"rgb\" \"float whitebalance\" 9\n" + w("")},
       {E, "sigma must be above 0", o("PixelFilter \"gaussian\" \"float sigma\" 0")},
       {E, "xresolution", o("Film \"rgb\" \"integer xresolution\" -5")},
