@@ -88,7 +88,7 @@ class Service(service_support.ServiceTest):
     def test_scenes_that_cannot_be_and_jobs_that_are_ended(self):
         self.serve(1, memory="32MiB")
         head = HEAD
-        broken = self.write("broken.pbrt", head + '\nShape "sphere" "float radius" [-2]\nWorldEnd\n')
+        broken = self.write("broken.pbrt", head + '\nShape "trianglemesh" "point P" [0 0 0]\nWorldEnd\n')
         secret = self.write("../secret.ply", "ply\n")
         good = self.write("good.pbrt", head + 'Shape "sphere"\nWorldEnd\n')
         escapes = self.write("escapes.pbrt", head + f'\nShape "plymesh" "string filename" "{secret}"\nWorldEnd\n')

@@ -97,7 +97,7 @@ class Slurm(support.ClusterTest):
 
     def test_the_exit_code_of_the_job_is_the_managers(self):
         scene = self.folder / "broken.pbrt"
-        scene.write_text('WorldBegin\nShape "sphere" "float radius" [-1]\nWorldEnd\n')
+        scene.write_text('WorldBegin\nShape "trianglemesh" "point P" [0 0 0]\nWorldEnd\n')
         job = self.submit(2, scene)
         self.assertEqual(self.finish(job), 3, self.texts(job))
         self.assertIn("broken.pbrt:2", (self.jobs / f"slurm-{job}.out").read_text())
