@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -99,6 +100,17 @@ TEST(LensSystem, ThePupilHoldsAllThatReachesTheScene) {
   EXPECT_GT(open, 1000);
   // A disk of 12 mm fills pi/4 of its square, the margin takes a little more.
   EXPECT_NEAR(l.pupil(0).area(), 0.012 * 0.012, 0.1 * 0.012 * 0.012);
+}
+
+// Each of its points took seconds to find that it sees nothing.
+TEST(LensSystem, AFilmBeyondItsImageIsNoWork) {
+  Warnings warnings;
+  const auto began = std::chrono::steady_clock::now();
+  const LensSystem large(LensSystem::read(LensFile("0 100 0 20\n100 2 1.5 20\n-100 100 1 20\n").path(), 20, {}, warnings), 10, 4, {});
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(20));
+  const double all = 1.5 * 2 * 0.01;
+  EXPECT_NEAR(large.pupil(1.9).area(), all * all, 1e-9);
+  EXPECT_LT(large.pupil(0.01).area(), 0.5 * all * all);
 }
 
 TEST(LensSystem, SaysWhatIsWrong) {

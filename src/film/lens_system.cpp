@@ -187,8 +187,9 @@ void LensSystem::search(double film_x, const Pupil& in, int cells, Pupil& found)
   }
 }
 
-// What a film point sees through, or nothing. `near`: the same of a point close by, to begin with.
-LensSystem::Pupil LensSystem::opening(double film_x, const Pupil& near) const {
+// What a film point sees through, or nothing. `near`: the same of a point close by, to begin with. most_cells: along the side of what is
+// searched at most.
+LensSystem::Pupil LensSystem::opening(double film_x, const Pupil& near, int most_cells) const {
   const double half = 1.5 * elements_.back().aperture_radius;
   const Pupil all{glm::dvec2(-half), glm::dvec2(half)};
   Pupil found = kNothing;
@@ -202,7 +203,7 @@ LensSystem::Pupil LensSystem::opening(double film_x, const Pupil& near) const {
     found = kNothing;
   }
   // Narrow stops leave little of what is searched.
-  for (int cells = kCells; cells <= kMostCells && found.is_empty(); cells *= 4) search(film_x, all, cells, found);
+  for (int cells = kCells; cells <= most_cells && found.is_empty(); cells *= 4) search(film_x, all, cells, found);
   if (found.is_empty()) return found;
   const glm::dvec2 around = 0.5 * (found.max - found.min) + 2 * half / kMostCells;
   const Pupil in{found.min - around, found.max + around};
@@ -213,9 +214,10 @@ LensSystem::Pupil LensSystem::opening(double film_x, const Pupil& near) const {
 void LensSystem::find_pupils() {
   const double half = 1.5 * elements_.back().aperture_radius, margin = kPupilMargin * std::sqrt(2.) * 2 * half;
   const auto at = [&](std::size_t i) { return static_cast<double>(i) / kPupils * half_diagonal_; };
-  Pupil from = opening(at(0), kNothing);
+  Pupil from = opening(at(0), kNothing, kMostCells);
   for (std::size_t i = 0; i < kPupils; ++i) {
-    const Pupil to = opening(at(i + 1), from);
+    // Where a film is larger than the lens's image, what lies beyond a point that sees nothing is not searched as thoroughly.
+    const Pupil to = opening(at(i + 1), from, from.is_empty() ? kCells : kMostCells);
     const Pupil both{glm::min(from.min, to.min) - margin, glm::max(from.max, to.max) + margin};
     pupils_.push_back(both.is_empty() ? Pupil{glm::dvec2(-half), glm::dvec2(half)} : both);
     from = to;

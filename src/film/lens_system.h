@@ -50,7 +50,7 @@ class LensSystem {
   bool trace_from_scene(const Ray& in, Ray& out) const;
   double focused(double distance, double film_diagonal, const FileLocation& where);
   void search(double film_x, const Pupil& in, int cells, Pupil& found) const;
-  Pupil opening(double film_x, const Pupil& near) const;
+  Pupil opening(double film_x, const Pupil& near, int most_cells) const;
   void find_pupils();
   bool reaches_scene(double film_x, const glm::dvec2& rear) const;
 
