@@ -31,6 +31,11 @@ void crop(std::uint32_t size, float from, float to, std::uint32_t& begin, std::u
                    size);
 }
 
+Rgb shown(Rgb c, const FilmOptions& options) {
+  if (options.balance) c = *options.balance * c;
+  return options.keeps_negative ? c : glm::max(c, Rgb(0.f));
+}
+
 }  // namespace
 
 FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings) {
@@ -83,17 +88,12 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
 }
 
 Image developed(const Film& film, const FilmOptions& options) {
-  const FilmFrame& f = film.frame();
-  Image image{f.crop_width(), f.crop_height(), std::vector<Rgb>(f.pixels())};
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = developed(film, i, options);
+  Image image = film.image(options.scale);
+  for (Rgb& c : image.pixels) c = shown(c, options);
   return image;
 }
 
-Rgb developed(const Film& film, std::size_t pixel, const FilmOptions& options) {
-  Rgb c = film.colour(pixel, options.scale);
-  if (options.balance) c = *options.balance * c;
-  return options.keeps_negative ? c : glm::max(c, Rgb(0.f));
-}
+Rgb developed(const Film& film, std::size_t pixel, const FilmOptions& options) { return shown(film.colour(pixel, options.scale), options); }
 
 float component_limit(const FilmOptions& film, const Rgb& c) {
   // XYZ of linear sRGB (IEC 61966-2-1).

@@ -1,4 +1,5 @@
 // AreaLightSource: how shapes shine.
+#include "parts/part_triangle.h"
 #include "shading/light_map.h"
 #include "shading/light_record.h"
 
@@ -57,6 +58,38 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
   std::vector<Emission> out;
   for (const AreaLightId id : shape_lights) out.push_back(id.value < sources.size() ? sources[id.value] : Emission{});
   return out;
+}
+
+std::vector<float> power_factors(const Part& part, std::span<const Emission> emissions, std::span<const PrimitiveRange> ranges, std::uint32_t total) {
+  std::vector<float> areas(total, 0.f);
+  for (const QuadricRecord& record : part.quadrics) {
+    if (!can_be_sampled(emissions, record.light)) continue;
+    Quadric unplaced = record.quadric;
+    unplaced.object_to_world = Transform();
+    areas[ranges[record.light].first] = surface_area(unplaced);
+  }
+  // The first primitive of the patch that primitive `i` is of.
+  const auto patch = [&](std::uint32_t light, std::uint32_t i) {
+    const std::uint32_t patches = emissions[light].patches;
+    if (patches == 0) return i;
+    const std::uint32_t each = (ranges[light].count + patches - 1) / patches;
+    return i / each * each;
+  };
+  for (const MeshChunk& chunk : part.chunks)
+    for (std::uint32_t i = 0; can_be_sampled(emissions, chunk.light) && i < chunk.triangle_count; ++i) {
+      const TriangleVertices t = vertices_of(part, chunk, chunk.first_triangle + i);
+      const std::uint32_t number = patch(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i));
+      areas[ranges[chunk.light].first + number] += 0.5f * glm::length(glm::cross(t.p[1] - t.p[0], t.p[2] - t.p[0]));
+    }
+  std::vector<float> factors(total, 0.f);
+  for (std::uint32_t light = 0; light < ranges.size(); ++light) {
+    const Emission& e = emissions[light];
+    for (std::uint32_t i = 0; i < ranges[light].count; ++i) {
+      const float factor = e.power / (kPi * areas[ranges[light].first + patch(light, i)] * (e.two_sided ? 2.f : 1.f));
+      factors[ranges[light].first + i] = factor < kInfinity ? factor : 0.f;
+    }
+  }
+  return factors;
 }
 
 }  // namespace cloudrenderer

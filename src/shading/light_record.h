@@ -114,6 +114,20 @@ F solid_angle_pdf(float area_pdf, F distance2, F cosine) {
 // such channels are 0, with a warning.
 Rgb light_color(const ParamSet& params, const char* name, const FileLocation& where, Warnings& warnings);
 
+// Primitives of an emissive shape: the first one's number among those of all, and how many.
+struct PrimitiveRange {
+  std::uint32_t first = 0, count = 0;
+};
+
+inline bool can_be_sampled(std::span<const Emission> emissions, std::uint32_t light) {
+  return light < emissions.size() && !emissions[light].only_seen;
+}
+
+// By which factor each primitive of a light with a power shines; `ranges` of each emissive shape. Primitives of 0 area do
+// not. As in pbrt-v4 the area is that of a quadric in its object space, of a triangle in the world's, and of a bilinear
+// patch all that its triangles have.
+std::vector<float> power_factors(const Part& part, std::span<const Emission> emissions, std::span<const PrimitiveRange> ranges, std::uint32_t total);
+
 // Of each emissive shape. Looks up all parameters of every AreaLightSource; without `read_maps` pictures are only opened.
 std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<const AreaLightId> shape_lights, Warnings& warnings,
                                      bool read_maps);

@@ -145,10 +145,6 @@ class SceneLights final : public Lights {
   }
 
  private:
-  struct PrimitiveRange {
-    std::uint32_t first = 0, count = 0;  // in by_primitive_
-  };
-
   // By solid angle, of a point of e seen from p; its normal is ng.
   float shape_pdf(const Emitter& e, const Vec3& p, const Vec3& direction, float t, const Vec3& ng) const {
     switch (e.kind) {
@@ -364,8 +360,7 @@ class SceneLights final : public Lights {
     }
     by_primitive_.assign(total, kNone);
     if (std::any_of(emissions_.begin(), emissions_.end(), [](const Emission& e) { return e.power > 0.f; })) {
-      powers_.assign(total, 0.f);
-      add_powers(part);
+      powers_ = power_factors(part, emissions_, ranges_, total);
     }
     // A texture that makes holes makes the light unfit for sampling by area; rays that hit it count
     // in full.
@@ -387,41 +382,8 @@ class SceneLights final : public Lights {
     }
   }
 
-  // Whether a shape's light is one that can be sampled.
-  bool shines(std::uint32_t light) const { return light < emissions_.size() && !emissions_[light].only_seen; }
+  bool shines(std::uint32_t light) const { return can_be_sampled(emissions_, light); }
 
-  // By which factor each primitive of a light with a power shines. Primitives of 0 area do not. As in pbrt-v4 the area is that
-  // of a quadric in its object space, of a triangle in the world's, and of a bilinear patch all that its triangles have.
-  void add_powers(const Part& part) {
-    for (const QuadricRecord& record : part.quadrics) {
-      if (!shines(record.light)) continue;
-      Quadric unplaced = record.quadric;
-      unplaced.object_to_world = Transform();
-      powers_[ranges_[record.light].first] = surface_area(unplaced);
-    }
-    // The first primitive of the patch that primitive `i` is of.
-    const auto patch = [&](std::uint32_t light, std::uint32_t i) {
-      const std::uint32_t patches = emissions_[light].patches;
-      if (patches == 0) return i;
-      const std::uint32_t each = (ranges_[light].count + patches - 1) / patches;
-      return i / each * each;
-    };
-    for (const MeshChunk& chunk : part.chunks)
-      for (std::uint32_t i = 0; shines(chunk.light) && i < chunk.triangle_count; ++i) {
-        const TriangleVertices t = vertices_of(part, chunk, chunk.first_triangle + i);
-        const std::uint32_t number = patch(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i));
-        powers_[ranges_[chunk.light].first + number] += 0.5f * glm::length(glm::cross(t.p[1] - t.p[0], t.p[2] - t.p[0]));
-      }
-    for (std::uint32_t light = 0; light < ranges_.size(); ++light) {
-      const Emission& e = emissions_[light];
-      for (std::uint32_t i = 0; i < ranges_[light].count; ++i) {
-        float& power = powers_[ranges_[light].first + i];
-        const std::uint32_t first = patch(light, i);
-        const float factor = e.power / (kPi * power * (e.two_sided ? 2.f : 1.f));
-        power = first != i ? powers_[ranges_[light].first + first] : factor < kInfinity ? factor : 0.f;
-      }
-    }
-  }
   float power_factor(std::uint32_t light, std::uint32_t primitive) const {
     const PrimitiveRange& range = ranges_[light];
     const std::uint32_t i = range.count == 1 ? 0 : primitive;

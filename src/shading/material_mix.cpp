@@ -60,7 +60,6 @@ class Choice final : public Material {
   }
   void add_lobes(const TexturePoint& at, LobeSink& out) const override { chosen(at)->material->add_lobes(at, out); }
   bool has_subsurface() const override { return parts_[0]->has_subsurface || parts_[1]->has_subsurface; }
-  bool subsurface(const TexturePoint& at, SubsurfacePoint& out) const override { return chosen(at)->material->subsurface(at, out); }
 
  private:
   std::array<const MaterialRecord*, 2> parts_;  // with materials
