@@ -78,9 +78,10 @@ TEST(Parser, TellsTheDialects) {
 TEST(Parser, TellsTheDialectFromSmallSigns) {
   for (const char* v3 : {"Sampler \"02sequence\"", "Material \"disney\"", "Material \"none\"", "Shape \"sphere\" \"point3 P\" [0 0 0]",
                          "Camera \"realistic\"", "Film \"image\" \"float  diagonal\" 3", "AreaLightSource \"diffuse\" \"bool\ttwosided\" \"true\"",
-                         "MakeNamedMaterial \"m\" \"string type\" \"fourier\""})
+                         "MakeNamedMaterial \"m\" \"string type\" \"fourier\"", "Material \"glass\" \"float uroughness\" .1",
+                         "MakeNamedMaterial \"m\" \"string type\" \"subsurface\" \"texture sigma_s\" \"t\""})
     EXPECT_EQ(parse_text(std::string("WorldBegin ") + v3 + " WorldEnd").scene.dialect, Dialect::v3) << v3;
-  for (const char* v2 : {"Material \"matte\"", "Shape \"sphere\" \"point P\" [0 0 0]", "Sampler \"lowdiscrepancy\"",
+  for (const char* v2 : {"Material \"matte\"", "Material \"substrate\" \"float uroughness\" .1", "Shape \"sphere\" \"point P\" [0 0 0]", "Sampler \"lowdiscrepancy\"",
                          "Texture \"point3\" \"color\" \"constant\""})
     EXPECT_EQ(parse_text(std::string("WorldBegin ") + v2 + " WorldEnd").scene.dialect, Dialect::v2) << v2;
 }

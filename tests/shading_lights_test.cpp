@@ -325,6 +325,18 @@ TEST(InfiniteLights, MapPointsWherePbrtPointsIt) {
   EXPECT_NEAR(texel(0, quarter).x, 1.5, 1e-5) << "around the seam";
 }
 
+TEST(InfiniteLights, MapsOfPbrtV2InTgaBeginAtTheLowestRow) {
+  const MapFile map(4, 2, [](int, int y) { return y == 0 ? Rgb(0, 0, 1) : Rgb(1, 0, 0); }, ".tga");
+  for (const Dialect dialect : {Dialect::v2, Dialect::v3}) {
+    Scene scene;
+    scene.description.dialect = dialect;
+    const auto lights = scene.light("infinite", {string("mapname", map.path())}).build();
+    const Rgb above = lights->escaped(Vec3(0), glm::normalize(Vec3(1, 1, std::sqrt(2.f))));  // middle of a texel
+    EXPECT_NEAR(above.x, dialect == Dialect::v2 ? 1 : 0, 1e-5);
+    EXPECT_NEAR(above.z, dialect == Dialect::v2 ? 0 : 1, 1e-5);
+  }
+}
+
 TEST(InfiniteLights, MapsOfPbrtV4HaveTheColoursOfTheSpaceThatTheyName) {
   const MapFile aces(2, 2, [](int, int) { return Rgb(.5f, .25f, .2f); }, ".exr", {.7347f, .2653f, 0, 1, .0001f, -.077f, .32168f, .33767f});
   const auto shown = [&](bool v4) {

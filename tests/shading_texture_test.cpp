@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 
 #include "shading/material_kinds.h"
 #include "shading/texture_image.h"
@@ -88,6 +89,20 @@ TEST_F(Textures, V2PutsTheFirstRowAtZeroAndV3AtOne) {
   EXPECT_TRUE(needs_.uv);
   EXPECT_TRUE(needs_.footprint);
   EXPECT_TRUE(warnings_.list().empty());
+}
+
+TEST_F(Textures, OfPbrtV2StandOnTheLowestRowInTheFormatsThatItReadsSo) {
+  const std::string tga = write("four.TGA", 2, 2, 3, kFour);
+  const std::string pfm = (folder_ / "four.pfm").string();  // from the lowest row, as the format has it
+  const float rows[2][2][3] = {{{0, 0, 1}, {1, 1, 1}}, {{1, 0, 0}, {0, 1, 0}}};
+  std::ofstream(pfm) << "PF\n2 2\n-1\n" << std::string_view(reinterpret_cast<const char*>(rows), sizeof rows);
+  for (const std::string& path : {tga, pfm}) {
+    const auto image = std::vector{texture("t", "imagemap", false, {string_param("filename", path)})};
+    for (const Dialect dialect : {Dialect::v2, Dialect::v3}) {
+      expect_near(eval(image, at(.25f, .25f), dialect), {0, 0, 1}, 1e-6f);
+      expect_near(eval(image, at(.75f, .75f), dialect), {0, 1, 0}, 1e-6f);
+    }
+  }
 }
 
 TEST_F(Textures, ColoursOfPbrtV4AreOfTheSpaceThatTheFileNames) {
@@ -251,6 +266,7 @@ TEST_F(Textures, MissingImagesAreAWarningAndAConstant) {
   expect_near(eval(t, at(0, 0)), Rgb(1.f), 1e-6f);
   ASSERT_EQ(warnings_.list().size(), 1u);
   EXPECT_NE(warnings_.list()[0].find("/nowhere/x.png"), std::string::npos);
+  expect_near(eval(t, at(0, 0), Dialect::v3), Rgb(0.21404f), 1e-4f);  // sRGB 0.5
 }
 
 TEST_F(Textures, ScaleAndMixCombineAndFoldConstants) {

@@ -83,6 +83,22 @@ TEST(Checkpoint, KeepsNegativeLobesApart) {
   EXPECT_FALSE(CheckpointReader(bytes, a_job()).next()) << "as many sums as pixels are expected there";
 }
 
+TEST(Checkpoint, TellsLightInMediaAndBelowSurfacesApart) {
+  CheckpointJob job = a_job();
+  job.media = MediaTransport::multiple;
+  job.subsurface = false;
+  const Bytes bytes = encode_header(job);
+  const auto read = read_header(bytes);
+  ASSERT_TRUE(read && *read);
+  EXPECT_EQ(**read, job);
+  EXPECT_FALSE(difference(job, job));
+  for (const auto change : {+[](CheckpointJob& j) { j.media = MediaTransport::none; }, +[](CheckpointJob& j) { j.subsurface = true; }}) {
+    CheckpointJob other = job;
+    change(other);
+    EXPECT_NE(difference(job, other).value_or("").find("--integrator"), std::string::npos);
+  }
+}
+
 TEST(Checkpoint, KeepsLightOfPathsFromLights) {
   CheckpointJob job = a_job();
   job.light_paths = LightPaths::all;

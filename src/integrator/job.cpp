@@ -83,6 +83,19 @@ MediaTransport media_transport(const SceneDescription& scene, const std::string&
   return MediaTransport::none;
 }
 
+// Likewise. pbrt-v3's `path` and `volpath` and pbrt-v4's `volpath` let light scatter below surfaces; of pbrt-v2 only
+// `dipolesubsurface` does, but there it is what all others are made to do.
+bool subsurface_transport(const SceneDescription& scene, const std::string& type, Warnings& warnings) {
+  if (scene.dialect == Dialect::v2 || type == "volpath" || (type == "path" && !is_of_v4(scene))) return true;
+  const auto scatters = [](const MaterialDesc& m) {
+    return m.type == "subsurface" || m.type == "kdsubsurface" || (m.type == "disney" && m.params.has("scatterdistance"));
+  };
+  if (std::ranges::any_of(scene.materials, scatters))
+    warnings.add(scene.integrator.location, "integrator \"" + type + "\" lets no light scatter below surfaces, as in pbrt-" +
+                                                (is_of_v4(scene) ? "v4" : "v3") + ": their boundaries alone are there; volpath has it");
+  return false;
+}
+
 }  // namespace
 
 const char* name(LightPaths paths) {
@@ -133,6 +146,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   if (type.empty()) type = v2 ? "directlighting" : "path";
   const std::string type_given = type;
   job.media = media_transport(scene, type, warnings);
+  job.subsurface = subsurface_transport(scene, type, warnings);
   if (scene.volume_integrator) {
     job.media_step = scene.volume_integrator->params.real("stepsize", 1.f);
     if (!(job.media_step > 0.f)) throw SceneError(scene.volume_integrator->location, "stepsize must be > 0, got " + std::to_string(job.media_step));

@@ -41,6 +41,7 @@ struct JobSettings {
   SampleSequence::Kind sequence = SampleSequence::Kind::sobol;
   IntegratorKind integrator = IntegratorKind::path;
   MediaTransport media = MediaTransport::none;
+  bool subsurface = true;  // light scatters below surfaces; else their boundaries alone are there
   float media_step = 1;  // that pbrt-v2 would march, see Media::unmarched
   // Vertices (0 is what the camera sees) below `light_vertices` gather light; emission that a specular chain finds
   // counts up to vertex `emission_vertex`.

@@ -82,7 +82,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
       shading_(Shading::build(manifest.scene, {.texture_budget = texture_budget}, warnings)) {
   motion_ = manifest.moves;
   shape_lights_ = static_cast<std::uint32_t>(manifest.shape_lights.size());
-  subsurface_ = shading_->needs().subsurface;
+  subsurface_ = job.subsurface && shading_->needs().subsurface;
   shutter_ = shutter_of(manifest.scene.camera);
   footprint_ = shading_->needs().footprint;
   footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.footprint_spp ? job.footprint_spp : job.spp));

@@ -97,7 +97,7 @@ class PathTracer final : public PathEngine {
   bool uv_ = false;  // points on surfaces are asked for theirs
   std::uint32_t shape_lights_;  // their number
   bool motion_;      // some instance moves: rays have times
-  bool subsurface_;  // some material has a medium inside
+  bool subsurface_;  // some material has a medium inside, and light scatters there
   Shutter shutter_;
   std::uint32_t first_pair_;  // of a vertex's numbers that is of use: the first one chooses among lights
   double fixed_units_;     // of fixed point, in one

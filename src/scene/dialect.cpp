@@ -5,6 +5,7 @@
 #include <set>
 
 #include "scene/file_paths.h"
+#include "scene/language.h"
 #include "scene/lexer.h"
 
 namespace cloudrenderer {
@@ -128,6 +129,11 @@ class Detector {
     for (const Sign& sign : kSigns)
       if (sign.directive == directive && (sign.type.empty() || sign.type == type)) narrow(sign.dialects);
   }
+  // Materials that have kept their names have got parameters.
+  void see_material_param(const LanguageRow& material, std::string_view name) {
+    for (const LanguageParam& p : language_params(material))
+      if (p.name == name && (p.dialects & kV2) == 0) narrow(p.dialects);
+  }
   // What contradicts all that came before it is no sign.
   void narrow(unsigned dialects) {
     if ((possible_ & dialects) != 0) possible_ &= dialects;
@@ -136,6 +142,7 @@ class Detector {
   bool scan_text(const std::shared_ptr<const SourceText>& text, const std::string& path) {
     Lexer lexer(text);
     bool of_light = false, of_film = false;
+    const LanguageRow* material = nullptr;  // that pbrt-v2 has, too
     for (Token t = lexer.next(); t.kind != Token::Kind::end; t = lexer.next()) {
       if (t.kind == Token::Kind::open) lexer.skip_array();
       if (t.kind == Token::Kind::string) {
@@ -149,7 +156,12 @@ class Detector {
           if (of_film && sign.type == param && sign.name == name) narrow(sign.dialects);
         if (param == "string" && name == "type") {  // of a named material
           if (lexer.peek().kind == Token::Kind::open) lexer.next();
-          if (lexer.peek().kind == Token::Kind::string) see("Material", lexer.peek().text);
+          if (lexer.peek().kind == Token::Kind::string) {
+            see("Material", lexer.peek().text);
+            material = find_language("Material", lexer.peek().text, kV2);
+          }
+        } else if (material) {
+          see_material_param(*material, name);
         }
       }
       if (t.kind == Token::Kind::word) {
@@ -157,6 +169,7 @@ class Detector {
         of_light = t.text == "LightSource" || t.text == "AreaLightSource";
         of_film = t.text == "Film";
         world_ = world_ || t.text == "WorldBegin";
+        material = t.text == "Material" && has_type ? find_language("Material", lexer.peek().text, kV2) : nullptr;
         see(t.text, has_type ? lexer.peek().text : std::string_view{});
         if (!decided() && t.text == "Include" && has_type &&
             scan(paths_.find(Lexer::unescape(lexer.peek().text), path)))

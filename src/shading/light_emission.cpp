@@ -34,7 +34,7 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
       e.radiance = light_color(desc.params, "L", desc.location, warnings);
       e.power = std::max(0.f, desc.params.real("power", 0.f));
       e.scale = e.radiance;
-      if (auto map = read_light_map(desc, "filename", Rgb(1.f), read_maps, "the light is even", warnings); !map.empty()) {
+      if (auto map = read_light_map(desc, "filename", scene.dialect, Rgb(1.f), read_maps, "the light is even", warnings); !map.empty()) {
         const Rgb average = mean(map);
         // A power is that of the picture.
         if (e.power > 0.f) e.scale /= std::max(luminance(average), 1e-30f);

@@ -23,7 +23,7 @@ Vec3Of<F> times(const glm::mat3& m, const Vec3Of<F>& v) {
 
 }  // namespace
 
-InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool read) {
+InfiniteLight::InfiniteLight(const LightDesc& desc, Dialect dialect, Warnings& warnings, bool read) {
   constant_ = light_color(desc.params, "L", desc.location, warnings);
   to_world_ = glm::mat3(desc.light_to_world.matrix());
   to_light_ = glm::mat3(desc.light_to_world.inverse_matrix());
@@ -32,7 +32,7 @@ InfiniteLight::InfiniteLight(const LightDesc& desc, Warnings& warnings, bool rea
     throw SceneError{desc.location, "the light's transformation cannot be inverted"};
   mean_ = constant_;
   portal_ = Portal::of(desc, warnings);
-  LightMap map = read_light_map(desc, "mapname", constant_, read, "the light is constant", warnings);
+  LightMap map = read_light_map(desc, "mapname", dialect, constant_, read, "the light is constant", warnings);
   width_ = map.width;
   height_ = map.height;
   texels_ = std::move(map.texels);

@@ -17,7 +17,7 @@ class InfiniteLight {
  public:
   // A map that cannot be read is a warning, and the light is constant, as in pbrt.
   // Without `read` it is only opened.
-  InfiniteLight(const LightDesc& desc, Warnings& warnings, bool read = true);
+  InfiniteLight(const LightDesc& desc, Dialect dialect, Warnings& warnings, bool read = true);
 
   const Rgb& mean() const { return mean_; }  // over the sphere
   // What follows is for one direction or eight, of which the `active` ones are looked at.

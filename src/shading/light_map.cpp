@@ -1,5 +1,6 @@
 #include "shading/light_map.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/portable_math.h"
@@ -10,7 +11,8 @@
 
 namespace cloudrenderer {
 
-LightMap read_light_map(const Entity& light, const char* name, const Rgb& scale, bool read, const char* instead, Warnings& warnings) {
+LightMap read_light_map(const Entity& light, const char* name, Dialect dialect, const Rgb& scale, bool read, const char* instead,
+                        Warnings& warnings) {
   LightMap map;
   const FileLocation& where = light.location;
   const std::string path = light.params.string(name, "");
@@ -55,6 +57,9 @@ LightMap read_light_map(const Entity& light, const char* name, const Rgb& scale,
     negative += shown != map.texels[p];
     map.texels[p] = shown;
   }
+  if (dialect == Dialect::v2 && is_upside_down_in_v2(path))
+    for (auto low = map.texels.begin(), high = map.texels.end() - info.width; low < high; low += info.width, high -= info.width)
+      std::swap_ranges(low, low + info.width, high);
   if (negative != 0)
     warnings.add(where, path + ": " + std::to_string(negative) + " texels have negative channels, which are taken as 0");
   if (bad != 0)
@@ -62,11 +67,11 @@ LightMap read_light_map(const Entity& light, const char* name, const Rgb& scale,
   return map;
 }
 
-DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warnings& warnings)
+DirectionalMap::DirectionalMap(Kind kind, const LightDesc& desc, Dialect dialect, bool read, Warnings& warnings)
     : kind_(kind), world_to_light_(glm::mat3(desc.light_to_world.inverse_matrix())) {
   if (!desc.light_to_world.is_invertible())
     throw SceneError{desc.location, "the light's transformation cannot be inverted"};
-  map_ = read_light_map(desc, "mapname", Rgb(1.f), read, "the light is even", warnings);
+  map_ = read_light_map(desc, "mapname", dialect, Rgb(1.f), read, "the light is even", warnings);
   if (!map_.empty()) {
     largest_ = Rgb(0.f);
     for (const Rgb& texel : map_.texels) largest_ = glm::max(largest_, texel);

@@ -16,10 +16,11 @@ struct LightMap {
   bool empty() const { return texels.empty(); }
 };
 
-// The picture of the light's parameter `name`, times `scale`. Values are as in the file, of 8 bits too, but for pbrt-v4
+// The picture of the light's parameter `name`, times `scale`; its rows are in the order of pbrt's reader. Values are as in the file, of 8 bits too, but for pbrt-v4
 // ("srgb"), which decodes them unless they are floats. Without `read` the file is only opened. Empty without the parameter
 // and, with a warning that ends with `instead`, when it cannot be read.
-LightMap read_light_map(const Entity& light, const char* name, const Rgb& scale, bool read, const char* instead, Warnings& warnings);
+LightMap read_light_map(const Entity& light, const char* name, Dialect dialect, const Rgb& scale, bool read, const char* instead,
+                        Warnings& warnings);
 
 Rgb mean(const LightMap& map);  // 1 of an empty one
 // As pbrt-v4 looks up the picture of an area light: bilinear, clamped, the first row at v = 1. Any uv.
@@ -54,7 +55,7 @@ class DirectionalMap {
   // LightSource "goniometric": the intensity as measured, over the whole sphere. "projection": a
   // picture thrown on a rectangle in front of the light.
   enum class Kind { goniometric, projection };
-  DirectionalMap(Kind kind, const LightDesc& desc, bool read, Warnings& warnings);
+  DirectionalMap(Kind kind, const LightDesc& desc, Dialect dialect, bool read, Warnings& warnings);
 
   Rgb factor(const Vec3& world_direction) const;
   const Rgb& largest() const { return largest_; }  // of each channel

@@ -19,7 +19,7 @@ class SceneLights final : public Lights {
  public:
   SceneLights(const SceneDescription& scene, std::span<const AreaLightId> shape_lights,
               const Part& part, const Bounds3& bounds, Warnings& warnings, bool read_maps) {
-    for (const LightDesc& desc : scene.lights) add_light(desc, warnings, read_maps);
+    for (const LightDesc& desc : scene.lights) add_light(desc, scene.dialect, warnings, read_maps);
     emissions_ = read_emissions(scene, shape_lights, warnings, read_maps);
     emits_ = std::ranges::any_of(emissions_, [](const Emission& e) { return !is_black(e.radiance); });
     ranges_.resize(emissions_.size());
@@ -305,7 +305,7 @@ class SceneLights final : public Lights {
     return static_cast<std::uint32_t>(emitters_.size() - 1);
   }
 
-  void add_light(const LightDesc& desc, Warnings& warnings, bool read_maps) {
+  void add_light(const LightDesc& desc, Dialect dialect, Warnings& warnings, bool read_maps) {
     std::optional<EmitterAndBounds> made;
     if (desc.type == "point") {
       made = make_point(desc, warnings);
@@ -318,7 +318,7 @@ class SceneLights final : public Lights {
       }
     } else if (desc.type == "goniometric" || desc.type == "projection") {
       const auto kind = desc.type == "projection" ? DirectionalMap::Kind::projection : DirectionalMap::Kind::goniometric;
-      DirectionalMap map(kind, desc, read_maps, warnings);
+      DirectionalMap map(kind, desc, dialect, read_maps, warnings);
       made = make_mapped(desc, map, warnings);
       if (made) {
         made->emitter.index = static_cast<std::uint32_t>(maps_.size());
@@ -327,7 +327,7 @@ class SceneLights final : public Lights {
     } else if (desc.type == "distant") {
       made = make_distant(desc, warnings);
     } else if (desc.type == "infinite" || desc.type == "exinfinite") {
-      InfiniteLight light(desc, warnings, read_maps);
+      InfiniteLight light(desc, dialect, warnings, read_maps);
       EmitterAndBounds e;
       e.emitter.kind = EmitterKind::infinite;
       e.emitter.index = static_cast<std::uint32_t>(infinite_.size());

@@ -1,5 +1,6 @@
 #include "shading/texture_image.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "base/lanes.h"
@@ -47,6 +48,13 @@ bool bring_near(Vec2& st, WrapMode wrap) {
 }
 
 }  // namespace
+
+bool is_file_of(std::string_view path, std::initializer_list<std::string_view> endings) {
+  const auto same = [](char end, char c) { return (c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c) == end; };
+  return std::ranges::any_of(endings, [&](std::string_view end) {
+    return end.size() <= path.size() && std::ranges::equal(end, path.substr(path.size() - end.size()), same);
+  });
+}
 
 float ImageEncoding::decode(float x) const {
   if (invert) {

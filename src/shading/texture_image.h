@@ -5,9 +5,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/bulk_array.h"
@@ -33,6 +35,12 @@ struct ImageEncoding {
 
   float decode(float x) const;
 };
+
+// Whether the file's name has one of these endings, which are in lower case; it may be in capitals.
+bool is_file_of(std::string_view path, std::initializer_list<std::string_view> endings);
+
+// pbrt-v2's readers of these formats give the lowest row first, of others the highest.
+inline bool is_upside_down_in_v2(std::string_view path) { return is_file_of(path, {".tga", ".pfm"}); }
 
 struct ImageFilter {
   WrapMode wrap = WrapMode::repeat;

@@ -30,19 +30,9 @@ class ImagemapTexture final : public Texture<T>, public TableTexture {
   bool at_most_one_;  // before textures that it is part of
 };
 
-bool ends_with(std::string_view s, std::string_view end) {
-  if (s.size() < end.size()) return false;
-  for (std::size_t i = 0; i < end.size(); ++i) {
-    const char c = s[s.size() - end.size() + i];
-    if ((c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c) != end[i]) return false;
-  }
-  return true;
-}
-
 // pbrt-v3 decodes sRGB by default for the formats that hold it; JPEG it does not read, we do.
 bool is_srgb_file(std::string_view path) {
-  return ends_with(path, ".png") || ends_with(path, ".tga") || ends_with(path, ".jpg") ||
-         ends_with(path, ".jpeg");
+  return is_file_of(path, {".png", ".tga", ".jpg", ".jpeg"});
 }
 
 // pbrt-v4's names.
@@ -76,15 +66,15 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
     encoding.srgb = p.boolean("gamma", is_srgb_file(path));
     if (p.has("encoding")) read_encoding(in, p.string("encoding", "sRGB"), encoding);
     encoding.invert = p.boolean("invert", false);
-    encoding.flip = true;  // pbrt-v3 puts the lower left corner of the picture at (0,0), pbrt-v2
-                           // the upper left one
   } else {
     encoding.gamma = p.real("gamma", 1.f);
   }
+  // pbrt-v3 puts the lower left corner of the picture at (0,0), pbrt-v2 the first row that its readers give.
+  encoding.flip = in.params.dialect() == Dialect::v3 || is_upside_down_in_v2(path);
   encoding.luminance = std::is_same_v<T, float>;
   const bool v4 = p.boolean("mean", false);
   encoding.mean = v4 && encoding.luminance;
-  encoding.masks = encoding.mean && (ends_with(path, ".png") || ends_with(path, ".exr"));  // of no other files
+  encoding.masks = encoding.mean && is_file_of(path, {".png", ".exr"});  // of no other files
   encoding.primaries = v4 && !encoding.luminance;
   ImageFilter filter;
   const std::string kind = p.string("filter", v4 ? "bilinear" : "ewa");
@@ -113,11 +103,12 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
     in.params.needs().tables.push_back(texture.get());
     return texture;
   } catch (const SceneError& e) {
-    // As pbrt-v2 and pbrt-v3: a picture with a white surface is better than none.
+    // As pbrt-v2 and pbrt-v3: a picture with a surface in one colour is better than none.
     const std::string what = e.what();
     const std::size_t reason = what.find("error: ");  // behind the place, which is said already
-    in.params.warn((reason == std::string::npos ? what : what.substr(reason + 7)) + ": white is used");
-    return T(encoding.decode(1.f));
+    in.params.warn((reason == std::string::npos ? what : what.substr(reason + 7)) +
+                   (in.params.dialect() == Dialect::v3 ? ": grey is used" : ": white is used"));
+    return T(encoding.decode(in.params.dialect() == Dialect::v3 ? 0.5f : 1.f));
   }
 }
 

@@ -17,7 +17,9 @@ constexpr std::uint32_t kVersion = 3, kTileMark = 0x656c6974, kGoalMark = 0x6c61
 constexpr std::size_t kRecordHeaderBytes = 16, kBodyHeaderBytes = 40;
 constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
-constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4;  // and twice that: LightPaths
+// Flags of a job; of LightPaths and MediaTransport the lowest of two bits.
+constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4, kJobMedia = 16, kJobBoundaries = 64,
+                        kJobUnknown = ~127u;
 constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they are");
@@ -111,6 +113,8 @@ CheckpointJob checkpoint_job(std::uint64_t split, const JobSettings& s) {
   job.features = s.features;
   job.negative_lobes = s.lobes.sums_per_pixel() > 1;
   job.light_paths = s.light_paths;
+  job.media = s.media;
+  job.subsurface = s.subsurface;
   return job;
 }
 
@@ -149,6 +153,8 @@ std::optional<std::string> difference(const CheckpointJob& made, const Checkpoin
            (now.features ? "some" : "none") + " (--layers)";
   if (made.light_paths != now.light_paths)
     return differs("paths from lights", name_of(made.light_paths), name_of(now.light_paths)) + " (--light-paths)";
+  if (made.media != now.media || made.subsurface != now.subsurface)
+    return "light in media or below surfaces in another way (--integrator)";
   if (made.negative_lobes != now.negative_lobes) return "samples of the filter's negative lobes summed in another way";
   if (made.split != now.split)
     return differs("split", fmt::format("{:016x}", made.split), fmt::format("{:016x}", now.split)) +
@@ -173,7 +179,9 @@ Bytes encode_header(const CheckpointJob& job) {
   put(out, static_cast<std::uint32_t>(job.ao_cosine));
   put(out, job.ao_distance);
   put(out, job.footprint_spp);
-  put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u) | kJobLightPaths * static_cast<std::uint32_t>(job.light_paths));
+  put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u) |
+               kJobLightPaths * static_cast<std::uint32_t>(job.light_paths) | kJobMedia * static_cast<std::uint32_t>(job.media) |
+               (job.subsurface ? 0u : kJobBoundaries));
   put(out, hash(out));
   static_assert(kCheckpointHeaderBytes == 8 + 2 * 4 + 3 * 8 + 6 * 4 + 10 * 4 + 8);
   return out;
@@ -215,8 +223,10 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   job.features = (flags & kJobFeatures) != 0;
   job.negative_lobes = (flags & kJobNegativeLobes) != 0;
   job.light_paths = static_cast<LightPaths>(flags / kJobLightPaths % 4);
+  job.media = static_cast<MediaTransport>(flags / kJobMedia % 4);
+  job.subsurface = (flags & kJobBoundaries) == 0;
   if (f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 || f.y0 >= f.y1 ||
-      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || flags / kJobLightPaths > static_cast<std::uint32_t>(LightPaths::all) ||
+      f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || (flags & kJobUnknown) != 0 || job.light_paths > LightPaths::all ||
       integrator > static_cast<std::uint32_t>(IntegratorKind::ambient_occlusion))
     return fail("its header makes no sense");
   job.integrator = static_cast<IntegratorKind>(integrator);

@@ -5,7 +5,8 @@
 // All numbers are little-endian. The header:
 //   8 bytes "crckpt\r\n", u32 version, u32 bytes of the header, u64 split, u64 fingerprint,
 //   u64 seed, u32 width, height, x0, y0, x1, y1, i32 k, u32 tile, u32 integrator, light_vertices,
-//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes; 4, 8: LightPaths),
+//   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes; 4, 8: LightPaths;
+//   16, 32: MediaTransport; 64: no light scatters below surfaces),
 //   u64 XXH3-64 of all that is before it
 // A record:
 //   u32 "tile", u32 bytes of its body, u64 XXH3-64 of the body, seeded with the header's checksum
@@ -55,6 +56,8 @@ struct CheckpointJob {
   bool features = false;
   bool negative_lobes = false;  // of the filter: samples in them are summed apart
   LightPaths light_paths = LightPaths::none;
+  MediaTransport media = MediaTransport::none;
+  bool subsurface = true;
   friend bool operator==(const CheckpointJob&, const CheckpointJob&) = default;
 };
 // Tile and fingerprint are the cluster's, and left out.
