@@ -324,6 +324,31 @@ TEST_F(Textures, CheckerboardAlternatesAndFilters) {
   EXPECT_FALSE(needs_.uv);
 }
 
+// Against a sum over the triangle, in two and three dimensions.
+TEST_F(Textures, CheckerboardsOfPbrtV4AreFilteredByATriangle) {
+  auto flat = texture("t", "checkerboard", true, {bool_param("tent", true)}), solid = flat;
+  solid.params.add(integer_param("dimension", 3));
+  for (const float width : {0.f, 1e-4f, 0.02f, 0.1f, 0.3f, 0.5f, 0.9f, 3.f, 1e9f})
+    for (int i = -40; i <= 40; ++i) {
+      const float x = 0.11f * static_cast<float>(i);
+      const double r = 1.5 * static_cast<double>(width);
+      double mean = 0;
+      constexpr int kSteps = 20000;
+      for (int k = 0; k < kSteps; ++k) {
+        const double t = 2 * (k + 0.5) / kSteps - 1, at = static_cast<double>(x) + t * r;
+        mean += (1 - std::fabs(t)) * (std::fmod(std::floor(at), 2.0) == 0 ? 1 : -1) / (kSteps / 2.0);
+      }
+      if (width > 1e6f) mean = 0;
+      TexturePoint p = at(x, 0.5f);
+      p.duvdy = {width, 0};
+      EXPECT_NEAR(eval({flat}, p).x, 0.5 + 0.5 * mean, 2e-4) << x << " " << width;
+      p.p = {0.5f, 0.5f, x};
+      p.dpdx = {0, 0, -width};
+      EXPECT_NEAR(eval({solid}, p).x, 0.5 + 0.5 * mean, 2e-4) << x << " " << width;
+    }
+  EXPECT_TRUE(needs_.footprint);
+}
+
 TEST_F(Textures, MappingsFollowTheSurface) {
   TexturePoint p;
   p.p = {0.25f, 0.5f, 3.f};

@@ -121,6 +121,7 @@ void V4Translator::material(Entity& e) const {
 void V4Translator::texture(Entity& e, DMat4& ctm) const {
   ParamSet& p = e.params;
   if (p.string("mapping", "uv") == "cylindrical") p.add(make_bool("byheight", true, e.location));
+  if (e.type == "checkerboard") p.add(make_bool("tent", true, e.location));
   if (e.type == "imagemap") {
     p.add(make_bool("mean", true, e.location));
     // Other files than these have one encoding only, whatever is asked for.

@@ -52,6 +52,51 @@ class Checkerboard2D final : public Texture<T> {
   bool filter_;
 };
 
+// The mean of the function that is 1 on even unit intervals and -1 on odd ones, weighed with a triangle that reaches from x - r
+// to x + r: by its second integral, but where one border alone is in reach, in whose differences little would be left.
+float mean_in_tent(float x, float r) {
+  const float low = std::floor(x), sign = is_even(low) ? 1.f : -1.f;
+  if (std::floor(x - r) == low && std::floor(x + r) == low) return sign;
+  if (!(r < 1e6f)) return 0.f;
+  if (r <= 0.5f) {
+    const float beyond = std::max(0.f, 1.f - std::min(x - low, low + 1.f - x) / r);  // the other interval has half of its square
+    return sign * (1.f - beyond * beyond);
+  }
+  const auto integral = [](float at) {
+    const float half = 0.5f * at, y = half - std::floor(half) - 0.5f;
+    return half + y * (1.f - 2.f * std::fabs(y));
+  };
+  const float in_period = x - 2.f * std::floor(0.5f * x);
+  return (integral(in_period + r) - 2.f * integral(in_period) + integral(in_period - r)) / (r * r);
+}
+
+// pbrt-v4's: a triangle three times as wide as the largest derivative on each axis.
+template <class T, class Mapping>
+class CheckerboardTent final : public Texture<T> {
+ public:
+  CheckerboardTent(const Mapping& mapping, const Textured<T>& even, const Textured<T>& odd) : mapping_(mapping), even_(even), odd_(odd) {}
+  T eval(const TexturePoint& at) const override {
+    const float mean = mean_at(mapping_(at));
+    if (mean == 1.f) return even_(at);
+    if (mean == -1.f) return odd_(at);
+    return (0.5f + 0.5f * mean) * even_(at) + (0.5f - 0.5f * mean) * odd_(at);
+  }
+
+ private:
+  static float reach(float dx, float dy) { return 1.5f * std::max(std::fabs(dx), std::fabs(dy)); }
+  static float mean_at(const TextureCoordinates& c) {
+    return mean_in_tent(c.st.x, reach(c.dstdx.x, c.dstdy.x)) * mean_in_tent(c.st.y, reach(c.dstdx.y, c.dstdy.y));
+  }
+  static float mean_at(const SolidCoordinates& c) {
+    float mean = 1;
+    for (int i = 0; i < 3; ++i) mean *= mean_in_tent(c.p[i], reach(c.dpdx[i], c.dpdy[i]));
+    return mean;
+  }
+
+  Mapping mapping_;
+  Textured<T> even_, odd_;
+};
+
 template <class T>
 class Checkerboard3D final : public Texture<T> {
  public:
@@ -73,9 +118,14 @@ template <class T>
 MadeTexture<T> make_checkerboard_texture(TextureInputs& in) {
   const Textured<T> even = in.params.value<T>("tex1", 1.f), odd = in.params.value<T>("tex2", 0.f);
   const int dimension = in.params.params().integer("dimension", 2);
-  if (dimension == 3) return std::make_unique<Checkerboard3D<T>>(SolidMapping(in), even, odd);
-  if (dimension != 2)
+  if (dimension != 2 && dimension != 3)
     throw SceneError(in.params.location(), "checkerboard dimension must be 2 or 3");
+  if (in.params.params().boolean("tent", false)) {
+    in.params.needs().footprint = true;
+    if (dimension == 2) return std::make_unique<CheckerboardTent<T, TextureMapping>>(TextureMapping(in), even, odd);
+    return std::make_unique<CheckerboardTent<T, SolidMapping>>(SolidMapping(in), even, odd);
+  }
+  if (dimension == 3) return std::make_unique<Checkerboard3D<T>>(SolidMapping(in), even, odd);
   const std::string mode = in.params.params().string("aamode", "closedform");
   if (mode != "none" && mode != "closedform")
     in.params.warn("unknown aamode \"" + mode + "\"; using closedform");
