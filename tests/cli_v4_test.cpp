@@ -83,12 +83,12 @@ const Pair kPairs[] = {
     {"attributes are defaults", "Material \"matte\" \"rgb Kd\" [.8 .1 .1]",
      "Attribute \"material\" \"rgb reflectance\" [.8 .1 .1]\nMaterial \"diffuse\""},
     {"scaled textures",
-     "Texture \"t\" \"spectrum\" \"checkerboard\" \"rgb tex1\" [.8 .4 .2] \"rgb tex2\" [.1 .1 .1] "
-     "\"float uscale\" 4 \"float vscale\" 4\n"
+     "Texture \"t\" \"spectrum\" \"bilerp\" \"rgb v00\" [.8 .4 .2] \"rgb v11\" [.1 .1 .1] "
+     "\"rgb v01\" [.3 .3 .3] \"rgb v10\" [0 .2 .1]\n"
      "Texture \"s\" \"spectrum\" \"scale\" \"texture tex1\" \"t\" \"rgb tex2\" [.5 .5 .5]\n"
      "Material \"matte\" \"texture Kd\" \"s\"",
-     "Texture \"t\" \"spectrum\" \"checkerboard\" \"rgb tex1\" [.8 .4 .2] \"rgb tex2\" [.1 .1 .1] "
-     "\"float uscale\" 4 \"float vscale\" 4\n"
+     "Texture \"t\" \"spectrum\" \"bilerp\" \"rgb v00\" [.8 .4 .2] \"rgb v11\" [.1 .1 .1] "
+     "\"rgb v01\" [.3 .3 .3] \"rgb v10\" [0 .2 .1]\n"
      "Texture \"s\" \"spectrum\" \"scale\" \"texture tex\" \"t\" \"float scale\" .5\n"
      "Material \"diffuse\" \"texture reflectance\" \"s\""},
     {"inverted pictures",

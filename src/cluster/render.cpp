@@ -84,8 +84,9 @@ class RenderRun {
         spdlog::warn("interrupted while the scene was read: there is nothing to write yet");
         _exit(5);
       });
-      manifest_ = std::make_shared<Manifest>(
-          split_scene(request_.scene, folder_, request_.split, warnings_));
+      SplitOptions split = request_.split;
+      split.tells_missing_files = false;
+      manifest_ = std::make_shared<Manifest>(split_scene(request_.scene, folder_, split, warnings_));
       interrupts_.set_handler(nullptr);
     }
     cpu_opened_ = cpu_seconds();

@@ -19,6 +19,7 @@ struct SplitOptions {
   std::optional<Dialect> dialect;
   std::string confine;          // the only folder that the scene's files may be in, links resolved; "": any
   bool text = false;            // also write the split as pbrt text (main.pbrt, parts/00017.pbrt)
+  bool tells_missing_files = true;  // or else whoever reads them next does: pictures, tables
   std::string scratch;          // folder for temporary files; "" = the output folder
 };
 

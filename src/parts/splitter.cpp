@@ -160,7 +160,8 @@ Manifest SceneSplitter::Work::finish(SceneDescription description) {
   write_main_scene(choose_main_scene());
   write_world();
 
-  checksums_.push_back(collect_files(manifest_.scene, out_, warnings_));
+  Warnings untold;
+  checksums_.push_back(collect_files(manifest_.scene, out_, options_.tells_missing_files ? warnings_ : untold));
   checksums_.push_back(manifest_hash(manifest_));
   manifest_.content_hash =
       XXH3_64bits(checksums_.data(), checksums_.size() * sizeof(std::uint64_t));

@@ -351,6 +351,7 @@ std::shared_ptr<MaterialSource> SceneBuilder::make_material(const GraphicsState&
     warnings_.add(entity.location,
                   "the material \"" + entity.type + "\" is unknown: " + default_name() + " is used");
     entity.type = "matte";
+    if (is_v4_) entity.params = {};  // whose names are others
   }
   if (entity.type.empty()) entity.type = "none";
   if (entity.type == "mix") {

@@ -97,9 +97,10 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
     in.params.warn("unknown wrap \"" + wrap + "\", expected repeat, black or clamp; using repeat");
   in.params.needs().footprint = true;
   const TextureMapping mapping(in);
+  const bool at_most_one = p.boolean("albedo", false);
   try {
     const ImagePyramid* image = in.images.get(path, encoding, p.find("filename")->location);
-    auto texture = std::make_unique<ImagemapTexture<T>>(mapping, image, filter, p.boolean("albedo", false));
+    auto texture = std::make_unique<ImagemapTexture<T>>(mapping, image, filter, at_most_one);
     in.params.needs().tables.push_back(texture.get());
     return texture;
   } catch (const SceneError& e) {
