@@ -5,7 +5,7 @@
 
 namespace cloudrenderer {
 
-// Takes SIGINT and SIGTERM from their default, which ends the process: a thread waits for them and
+// Takes SIGINT, SIGTERM and SIGHUP from their default, which ends the process: a thread waits for them and
 // calls the handler of the moment. Make one at the start of main, before any other thread; children
 // start with the signals as usual.
 class Interrupts {

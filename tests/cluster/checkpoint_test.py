@@ -101,12 +101,15 @@ class Checkpoints(support.ClusterTest):
                 self.assertEqual(found["paths"], report["paths"])
 
     def test_an_interrupt_leaves_a_checkpoint_that_can_be_resumed(self):
-        run = self.start("run", *self.command("--hosts", 2, threads=1))
-        time.sleep(1)
-        run.kill(signal.SIGINT)
-        self.assertEqual(run.wait(20), 5, run.text())
-        self.assert_none_left()
-        self.assertTrue(self.out.exists() and self.ckpt.exists(), run.text())
+        for number in (signal.SIGHUP, signal.SIGINT):  # the terminal is closed; Ctrl-C
+            self.out.unlink(missing_ok=True)
+            self.ckpt.unlink(missing_ok=True)
+            run = self.start("run", *self.command("--hosts", 2, threads=1))
+            time.sleep(1)
+            run.kill(number)
+            self.assertEqual(run.wait(20), 5, run.text())
+            self.assert_none_left()
+            self.assertTrue(self.out.exists() and self.ckpt.exists(), run.text())
         self.expect(0, *self.command("--resume"))  # the default is the file that the interrupt left
         self.assert_picture()
 
