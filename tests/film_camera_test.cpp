@@ -144,6 +144,15 @@ TEST(OrthographicCamera, SendsParallelRays) {
   EXPECT_EQ(a.cone_spread, 0);
 }
 
+TEST(OrthographicCamera, HasItsLensOnTheAxisAsInPbrt) {
+  const auto c = camera("orthographic", {reals("screenwindow", {-4, 4, -2, 2}), reals("lensradius", {.5f}), reals("focaldistance", {5})},
+                        frame(80, 40));
+  const CameraRay middle = c->ray({60, 10}, {.5f, .5f}), edge = c->ray({60, 10}, {0, .5f});
+  expect_near(middle.origin, {0, 0, 0});
+  EXPECT_NEAR(glm::length(edge.origin), .5f, 1e-6);
+  for (const CameraRay& ray : {middle, edge}) expect_near(ray.origin + ray.direction * (5 / ray.direction.z), {2, 1, 5});  // in focus
+}
+
 TEST(EnvironmentCamera, SeesAllDirections) {
   const auto c = camera("environment", {}, frame(200, 100));
   expect_near(c->ray({0, 50}, {}).direction, {1, 0, 0});

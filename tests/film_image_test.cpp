@@ -135,6 +135,19 @@ TEST(ImageFile, EqualPicturesGiveEqualFiles) {
   EXPECT_EQ(bytes(folder / "a.exr"), bytes(folder / "b.exr"));
 }
 
+TEST(ImageFile, NamesOtherColoursThanThoseOfSrgb) {
+  const Folder folder;
+  Image image = noise(2, 2);
+  image.space = ColorSpace::find("aces2065-1");
+  write_image(folder / "a.exr", image, full(image));
+  std::array<float, 8> read{};
+  ASSERT_TRUE(OIIO::ImageInput::open(folder / "a.exr")->spec().getattribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), read.data()));
+  EXPECT_EQ(read, image.space->chromaticities());
+  image.space.reset();
+  write_image(folder / "b.exr", image, full(image));
+  EXPECT_EQ(OIIO::ImageInput::open(folder / "b.exr")->spec().find_attribute("chromaticities"), nullptr);
+}
+
 TEST(ImageFile, PngIsSrgb) {
   const Folder folder;
   Image image{4, 1, {Rgb(0.f), Rgb(1.f), Rgb(0.2158605f), Rgb(-3.f, 7.f, 0.0021f)}};

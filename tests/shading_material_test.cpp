@@ -152,7 +152,7 @@ TEST(Materials, V2PlasticHasTheValueOfTheBook) {
 }
 
 TEST(Materials, AWhiteSurfaceUnderASmoothCoatReflectsAllThatArrives) {
-  const Built b({material("coateddiffuse", {rgb_param("reflectance", Rgb(1.f)), real_param("thickness", 0.f)})}, Dialect::v3);
+  const Built b({material("coateddiffuse", {rgb_param("reflectance", Rgb(1.f)), real_param("thickness", 0.f), integer_param("maxdepth", 1000)})}, Dialect::v3);
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(0.f, 1.f);
   for (const float cosine : {1.f, 0.7f, 0.4f, 0.15f}) {

@@ -1,7 +1,9 @@
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 
 #include "cli/commands.h"
 #include "cli/progress.h"
@@ -39,14 +41,31 @@ constexpr auto kFeatureLayers = std::to_array<std::pair<const char*, FeatureLaye
     {{"albedo", FeatureLayer::albedo}, {"normal", FeatureLayer::normal}, {"depth", FeatureLayer::depth},
      {"position", FeatureLayer::position}, {"ids", FeatureLayer::ids}});
 
+// Three channels of linear sRGB to the picture's colours.
+void convert(std::vector<ImageChannel>& rgb, const ColorSpace& space) {
+  const glm::mat3 to_space = space.from_working();
+  auto& r = std::get<std::vector<float>>(rgb[0].values);
+  auto& g = std::get<std::vector<float>>(rgb[1].values);
+  auto& b = std::get<std::vector<float>>(rgb[2].values);
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    const Rgb c = to_space * Rgb(r[i], g[i], b[i]);
+    r[i] = c.x;
+    g[i] = c.y;
+    b[i] = c.z;
+  }
+}
+
 // What --layers asks for.
 std::vector<ImageChannel> channels(const RenderOptions& o, const RenderOutcome& r) {
   std::vector<ImageChannel> out;
   if (o.layers.contains("error")) out = error_layer(*r.film, r.facts.settings.film.scale);
   if (o.layers.contains("samples")) out.push_back(samples_layer(*r.film));
   for (const auto& [name, layer] : kFeatureLayers)
-    if (o.layers.contains(name))
-      for (ImageChannel& c : feature_channels(r.features, layer, r.facts.settings.length_k)) out.push_back(std::move(c));
+    if (o.layers.contains(name)) {
+      auto made = feature_channels(r.features, layer, r.facts.settings.length_k);
+      if (const auto& space = r.facts.settings.film.space; space && layer == FeatureLayer::albedo) convert(made, *space);
+      std::ranges::move(made, std::back_inserter(out));
+    }
   return out;
 }
 

@@ -130,8 +130,8 @@ class OrthographicCamera final : public Camera {
     Vec2Of<F> o = screen_.at(film), d(F(0.f));
     if (lens_.radius > 0.f) {
       const Vec2Of<F> l = F(lens_.radius) * sample_disk<F>(lens);
-      o += l;
-      d = -l / F(lens_.focal_distance);
+      d = (o - l) / F(lens_.focal_distance);  // of all pbrt's: one lens on the axis for all pixels
+      o = l;
     }
     out.origin = transformed_point<F>(to_world_.matrix(), {o.x, o.y, F(0.f)});
     out.direction = lanes::normalize(transformed<F>(to_world_.matrix(), {d.x, d.y, F(1.f)}));

@@ -6,6 +6,7 @@
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfMatrixAttribute.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStringAttribute.h>
 
 #include <algorithm>
@@ -46,6 +47,10 @@ std::vector<unsigned char> encode_exr(const Image& image, const FilmFrame& frame
   for (const auto& [key, m] : words.matrices)
     header.insert(key, Imf::M44fAttribute(Imath::M44f(m[0][0], m[0][1], m[0][2], m[0][3], m[1][0], m[1][1], m[1][2], m[1][3], m[2][0],
                                                       m[2][1], m[2][2], m[2][3], m[3][0], m[3][1], m[3][2], m[3][3])));
+  if (image.space) {
+    const std::array<float, 8>& xy = image.space->chromaticities();
+    Imf::addChromaticities(header, Imf::Chromaticities({xy[0], xy[1]}, {xy[2], xy[3]}, {xy[4], xy[5]}, {xy[6], xy[7]}));
+  }
   Imf::FrameBuffer pixels;
   const auto add = [&](const std::string& name, Imf::PixelType type, const void* first, std::size_t stride) {
     header.channels().insert(name, Imf::Channel(type));

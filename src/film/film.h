@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <variant>
@@ -11,6 +12,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "cloudrenderer/math.h"
+#include "scene/color_space.h"
 #include "scene/description.h"
 
 namespace cloudrenderer {
@@ -81,6 +83,7 @@ struct FilmOptions {
   float max_component = kInfinity;         // v4 "maxcomponentvalue": of XYZ times scale
   bool keeps_negative = false;             // v4; before it pixels are not below 0, which filters can make them
   std::optional<glm::mat3> balance;        // v4 "whitebalance": of the colours that are shown
+  std::optional<ColorSpace> space;         // v4: of the picture's numbers; none: linear sRGB, which screens always get
 };
 // Reads `Film` with pbrt's rounding of crop windows (ceil). Throws SceneError.
 FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings);
@@ -92,10 +95,11 @@ float component_limit(const FilmOptions& film, const Rgb& c);
 struct Image {
   std::uint32_t width = 0, height = 0;
   std::vector<Rgb> pixels;
+  std::optional<ColorSpace> space = std::nullopt;  // none: sRGB
 };
 
 class Film;
-// The picture that the scene's film asks for, and one of its pixels.
+// The picture that the scene's film asks for, and one of its pixels for a screen.
 Image developed(const Film& film, const FilmOptions& options);
 Rgb developed(const Film& film, std::size_t pixel, const FilmOptions& options);
 

@@ -73,9 +73,12 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
     out.scale = params.real("scale", 1.f);
     out.max_sample_luminance = params.real("maxsampleluminance", kInfinity);
     out.max_component = params.real("maxcomponentvalue", kInfinity);
+    if (const auto space = ColorSpace::find(params.string("colorspace", "srgb")); space && !space->is_working()) out.space = space;
+    const std::array<float, 8> xy = out.space.value_or(ColorSpace()).chromaticities();
+    const Vec2 white(xy[6], xy[7]);
     if (const float kelvin = params.real("whitebalance", 0.f); kelvin > 0.f) {
       if (kelvin >= 1000.f && kelvin <= 25000.f)
-        out.balance = white_balance(kelvin);
+        out.balance = white_balance(kelvin, white);
       else
         warnings.add(film.location, "whitebalance must be between 1000 and 25000 kelvin: ignored");
     }
@@ -90,6 +93,9 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
 Image developed(const Film& film, const FilmOptions& options) {
   Image image = film.image(options.scale);
   for (Rgb& c : image.pixels) c = shown(c, options);
+  image.space = options.space;
+  if (options.space)
+    for (const glm::mat3 to_space = options.space->from_working(); Rgb& c : image.pixels) c = to_space * c;
   return image;
 }
 

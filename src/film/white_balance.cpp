@@ -23,11 +23,12 @@ glm::dvec3 white_of(double kelvin) {
 
 }  // namespace
 
-glm::mat3 white_balance(float kelvin) {
+glm::mat3 white_balance(float kelvin, const Vec2& white) {
   // Cone responses: rows as published.
   const glm::dmat3 to_cones = glm::transpose(glm::dmat3(0.8951, 0.2664, -0.1614, -0.7502, 1.7135, 0.0367, 0.0389, -0.0685, 1.0296));
-  const glm::dvec3 d65(0.3127 / 0.3290, 1, (1 - 0.3127 - 0.3290) / 0.3290);
-  const glm::dvec3 gain = (to_cones * d65) / (to_cones * white_of(static_cast<double>(kelvin)));
+  const glm::dvec2 xy(white);
+  const glm::dvec3 wanted(xy.x / xy.y, 1, (1 - xy.x - xy.y) / xy.y);
+  const glm::dvec3 gain = (to_cones * wanted) / (to_cones * white_of(static_cast<double>(kelvin)));
   const glm::dmat3 scaled(gain.x, 0, 0, 0, gain.y, 0, 0, 0, gain.z);
   const glm::dmat3 to_rgb = rgb_of_xyz();
   return glm::mat3(to_rgb * glm::inverse(to_cones) * scaled * to_cones * glm::inverse(to_rgb));

@@ -86,12 +86,13 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   shutter_ = shutter_of(manifest.scene.camera);
   footprint_ = shading_->needs().footprint;
   footprint_scale_ = 1.f / std::sqrt(static_cast<float>(job.footprint_spp ? job.footprint_spp : job.spp));
+  if (dialect_ == Dialect::v4) footprint_scale_ = std::max(footprint_scale_, 0.125f);
   resident.set_alpha([shading = shading_.get()](std::uint32_t texture, const Vec2& uv, const Vec3& p) -> Alpha {
     return {shading->alpha(texture, uv, p), shading->alpha_by_chance(texture)};
   });
   lights_ = Lights::build(manifest.scene, manifest.shape_lights, main_part, manifest.bounds, warnings);
   uv_ = shading_->needs().uv || lights_->has_pictures();
-  even_lobes_ = lights_->has_v2_disk();
+  even_lobes_ = lights_->weighs_alone();
   first_pair_ = lights_->has_choice() ? 0 : 1;
   fixed_units_ = fixed_units(job.k);
   infinite_lights_ = lights_->has_infinite();

@@ -89,7 +89,7 @@ class PathTracer final : public PathEngine {
   PartMap map_;
   bool one_part_;       // nothing but the main scene and one part
   bool main_geometry_;  // the main scene has shapes of its own
-  bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::has_v2_disk)
+  bool even_lobes_;       // lights are weighed against even chances of the lobes (Lights::weighs_alone)
   bool hittable_lights_;  // rays can find lights by themselves: emissive shapes, or light from outside
   bool infinite_lights_;  // light comes from outside
   bool footprint_;
@@ -101,7 +101,7 @@ class PathTracer final : public PathEngine {
   Shutter shutter_;
   std::uint32_t first_pair_;  // of a vertex's numbers that is of use: the first one chooses among lights
   double fixed_units_;     // of fixed point, in one
-  float footprint_scale_;  // pbrt: a sample's footprint is a pixel's over sqrt(spp)
+  float footprint_scale_;  // pbrt: a sample's footprint is a pixel's over sqrt(spp), in pbrt-v4 an eighth at least
   Resident& resident_;
   std::unique_ptr<Shading> shading_;
   std::unique_ptr<Lights> lights_;

@@ -60,6 +60,7 @@ SurfacePoint PathTracer::surface(const ResidentSet& set, const Vec3& origin, con
     material = g.material;
     light = g.light;
     p = curve_point(part.curves, hit.index, to_world ? to_world->inverse().vector(direction) : direction, hit.u, hit.v);
+    if (dialect_ == Dialect::v4) p.p_error *= 0.5f;  // rays leave it one width away there
   } else {
     const QuadricRecord& q = part.quadrics[hit.index];
     material = q.material;

@@ -12,6 +12,10 @@ namespace {
 struct Chromaticities {
   std::string_view name;
   double red[2], green[2], blue[2], white[2];
+  std::array<float, 8> xy() const {
+    const auto f = [](double x) { return static_cast<float>(x); };
+    return {f(red[0]), f(red[1]), f(green[0]), f(green[1]), f(blue[0]), f(blue[1]), f(white[0]), f(white[1])};
+  }
 };
 
 // ITU-R BT.709, ITU-R BT.2020, SMPTE RP 431-2 primaries with a D65 white, SMPTE ST 2065-1.
@@ -34,6 +38,8 @@ std::optional<ColorSpace> ColorSpace::find(std::string_view name) {
     if (c.name != name) continue;
     ColorSpace out;
     out.is_working_ = false;
+    out.name_ = c.name;
+    out.chromaticities_ = c.xy();
     const glm::dmat3 primaries(xyz(c.red), xyz(c.green), xyz(c.blue));
     const glm::dvec3 scale = glm::inverse(primaries) * xyz(c.white);
     out.to_xyz_ =
@@ -45,9 +51,8 @@ std::optional<ColorSpace> ColorSpace::find(std::string_view name) {
 
 std::optional<ColorSpace> ColorSpace::find(const std::array<float, 8>& chromaticities) {
   for (const Chromaticities& c : kSpaces) {
-    const std::array<double, 8> known{c.red[0], c.red[1], c.green[0], c.green[1], c.blue[0], c.blue[1], c.white[0], c.white[1]};
-    const auto near = [](float a, double b) { return std::abs(static_cast<double>(a) - b) < 1e-3; };
-    if (std::ranges::equal(chromaticities, known, near)) return find(c.name);
+    const auto near = [](float a, float b) { return std::abs(a - b) < 1e-3f; };
+    if (std::ranges::equal(chromaticities, c.xy(), near)) return find(c.name);
   }
   return std::nullopt;
 }
@@ -56,6 +61,12 @@ Rgb ColorSpace::to_working(const Rgb& c) const {
   if (is_working_) return c;
   const glm::dvec3 v = to_xyz_ * glm::dvec3(c);
   return xyz_to_rgb(v.x, v.y, v.z);
+}
+
+glm::mat3 ColorSpace::from_working() const {
+  if (is_working_) return glm::mat3(1.f);
+  const glm::dmat3 rgb_of_xyz(xyz_to_rgb(1, 0, 0), xyz_to_rgb(0, 1, 0), xyz_to_rgb(0, 0, 1));
+  return glm::mat3(glm::inverse(rgb_of_xyz * to_xyz_));
 }
 
 }  // namespace cloudrenderer

@@ -17,9 +17,14 @@ class ColorSpace {
 
   bool is_working() const { return is_working_; }
   Rgb to_working(const Rgb& c) const;
+  glm::mat3 from_working() const;
+  std::string_view name() const { return name_; }
+  const std::array<float, 8>& chromaticities() const { return chromaticities_; }  // as those above
 
  private:
   bool is_working_ = true;
+  std::string_view name_ = "srgb";
+  std::array<float, 8> chromaticities_{.64f, .33f, .3f, .6f, .15f, .06f, .3127f, .329f};
   glm::dmat3 to_xyz_{1.0};
 };
 

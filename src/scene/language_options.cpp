@@ -25,7 +25,7 @@ constexpr LanguageRow kRows[] = {
     {"Camera", "realistic", kV34, kDone, SHUTTER ", string lensfile, float aperturediameter, float focusdistance, bool simpleweighting@v3, !string aperture@v4", "the weights are pbrt-v3's"},
     {"Camera", "spherical", kInV4, kDone, SHUTTER ", string mapping, -float frameaspectratio, -float screenwindow, -float lensradius, -float focaldistance", ""},
     {"Film", "gbuffer", kInV4, kNear, V4_FILM ", -string coordinatesystem", "only the colours"},
-    {"Film", "rgb", kInV4, kDone, V4_FILM, ".exr, .pfm, .png and .tga; linear sRGB, sensors are plain exposure and white balance"},
+    {"Film", "rgb", kInV4, kDone, V4_FILM, ".exr, .pfm, .png and .tga; sensors are plain exposure and white balance"},
     {"Film", "spectral", kInV4, kNear, V4_FILM ", -integer nbuckets, -float lambdamin, -float lambdamax", "an RGB picture"},
     {"Film", "image", kV23, kDone, "integer xresolution, integer yresolution, float cropwindow, string filename, -bool display@v2, float scale@v3, float maxsampleluminance@v3, float diagonal@v3", ".exr, .pfm, .png and .tga"},
     {"Sampler", "02sequence", kInV3, kNear, "integer pixelsamples, -integer dimensions", ""},

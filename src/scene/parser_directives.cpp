@@ -1,6 +1,8 @@
 // The directives that describe something with parameters.
 #include "scene/parser.h"
 
+#include "scene/param_make.h"
+
 namespace cloudrenderer {
 
 // Before the world there are no textures to refer to: such parameters go, with a warning.
@@ -27,8 +29,7 @@ void Parser::camera(const Token& t) {
 void Parser::film(const Token& t) {
   Entity e = read_option(t, false);
   if (is_v4()) v4_.film(e);
-  if (!state_.color_space.is_working())
-    warnings_.add(e.location, "the picture is written in linear sRGB, not in the colour space that is set here");
+  if (!state_.color_space.is_working()) e.params.add(make_string("colorspace", std::string(state_.color_space.name()), e.location));
   if (in_options(t)) builder_.scene().film = std::move(e);
 }
 

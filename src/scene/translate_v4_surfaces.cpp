@@ -84,11 +84,9 @@ void V4Translator::material(Entity& e) const {
     p.add(make_bool("atmostone", true, e.location));
     p.take("scale");
   } else if (e.type == "coateddiffuse") {
-    p.take("maxdepth");  // light between the layers is followed to its end
     index(e, "eta", 1.5f);
     roughness(e, 0.f);
   } else if (e.type == "coatedconductor") {
-    p.take("maxdepth");
     index(e, "interface.eta", 1.5f);
     copper(e, "conductor.");
     roughness(e, 0.f, {"interface.", "conductor."});

@@ -32,7 +32,7 @@ Lobe surface(const Coat& c) {
   const FresnelTerm fresnel = dielectric_one_sided(c.eta);
   Lobe l = is_rough(c) ? microfacet(Rgb(1.f), trowbridge_reitz(c.alpha_x, c.alpha_y), fresnel)
                        : specular_reflection(Rgb(1.f), fresnel);
-  l.scale2 = {c.thickness, c.g, static_cast<float>(c.walks)};
+  l.scale2 = {c.thickness, c.g, static_cast<float>(c.walks + Slab::kWalks * c.events)};
   return l;
 }
 
@@ -99,7 +99,11 @@ Layers coated_diffuse(const Coat& c, const Rgb& reflectance, float internal) {
   }
   // Refraction spreads what enters over the whole hemisphere: eta^2. The light between the layers is a geometric series
   // of diffuse light (Saunderson 1942).
-  const Rgb diffuse = reflectance / (c.eta * c.eta * (1.f - reflectance * internal));
+  // It ends with the base's last event.
+  const Rgb again = reflectance * internal;
+  Rgb lost(1.f);
+  for (int i = 0; i < c.events && !is_black(lost); i += 2) lost *= again;
+  const Rgb diffuse = reflectance / (c.eta * c.eta) * (Rgb(1.f) - lost) / glm::max(Rgb(1.f) - again, Rgb(1e-6f));
   if (!is_black(diffuse)) out.lobes[out.count++] = coated_lambert(diffuse, c.eta, c.thickness);
   out.lobes[out.count++] = coat;
   return out;

@@ -12,6 +12,9 @@
 
 namespace cloudrenderer::bsdf {
 
+// Light ends by roulette; this many events are met in thick media only that absorb nothing.
+inline constexpr int kMostCoatEvents = 1000, kMostCoatWalks = 64;
+
 struct Coat {
   float eta = 1.5f;                      // inside over outside
   float alpha_x = 0.f, alpha_y = 0.f;    // Trowbridge-Reitz widths; 0: smooth
@@ -19,6 +22,7 @@ struct Coat {
   Rgb albedo{0};                         // of the medium's particles; black: they only absorb
   float g = 0.f;                         // of Henyey and Greenstein's phase function
   int walks = 1;                         // an estimate's
+  int events = kMostCoatEvents;          // of light between the layers, each reflection and each scattering, until it is lost
 };
 
 struct Layers {

@@ -11,8 +11,6 @@
 namespace cloudrenderer::bsdf {
 namespace {
 
-// A walk ends by roulette. This many events are met in thick media only that absorb nothing.
-constexpr int kMostEvents = 1000;
 constexpr float kCertain = kInfinity;  // the density of a mirror's direction
 
 class Random {
@@ -172,7 +170,9 @@ Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
   float density = 0.f;         // with which w has been sampled by the last event that spreads light
   bool from_base = false;      // that was the base
   float height = s.thickness;  // above the base
-  for (int event = 0; event < kMostEvents; ++event) {
+  // Behind the last event light may still leave.
+  for (int event = 0; event <= s.events; ++event) {
+    const bool over = event == s.events;
     const bool down = w.z < 0.f;
     const float slope = std::fabs(w.z), room = down ? height : s.thickness - height;
     float step = kInfinity;
@@ -180,6 +180,7 @@ Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
       step = -portable::log(1.f - random.one()) * slope;
     else
       beta *= attenuation(room, slope);
+    if (over && (down || step < room)) return sum;
     if (step < room) {
       height = std::clamp(down ? height - step : height + step, 0.f, s.thickness);
       beta *= s.base.scale2;
@@ -204,7 +205,7 @@ Rgb walk(const Slab& s, const Vec3& wo, const Vec3& wi, Random& random) {
             base_value(s, -up, -w, other);
             value *= share(density, other);
           }
-          value += mirrored_once(s, w, up, random.two());
+          if (event + 2 < s.events) value += mirrored_once(s, w, up, random.two());
         }
         sum += beta * value * (attenuation(s.thickness, up.z) * exit);
       }

@@ -41,7 +41,7 @@ bool is_whole(const Quadric& q) {
   return q.z_min <= -q.radius && q.z_max >= q.radius && q.phi_max >= 2 * kPi * 0.999999f;
 }
 
-// Whose light is where it shines: pbrt-v2's disks are not so (Lights::has_v2_disk).
+// Whose light is where it shines: pbrt-v2's disks are not so (SceneLights::weighs_alone).
 bool is_whole_disk(const Quadric& q) {
   return q.inner_radius == 0.f && q.phi_max >= 2 * kPi * 0.999999f && !q.inside_out;
 }

@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "parts/part_triangle.h"
+#include "scene/dialect.h"
 #include "shading/light_infinite.h"
 #include "shading/light_map.h"
 #include "shading/light_rays.h"
@@ -24,7 +25,7 @@ class SceneLights final : public Lights {
     emits_ = std::ranges::any_of(emissions_, [](const Emission& e) { return !is_black(e.radiance); });
     ranges_.resize(emissions_.size());
     is_mesh_.resize(emissions_.size());
-    add_shapes(part, scene.dialect);
+    add_shapes(part, scene.dialect, is_of_v4(scene));
     choice_ = LightChoice(bounds_);
     rays_ = LightRays({emitters_, spots_, maps_, quadrics_, infinite_, pictures_}, bounds);
     bounds_ = {};
@@ -33,7 +34,7 @@ class SceneLights final : public Lights {
   bool empty() const override { return emitters_.empty() && !emits_; }
   bool has_infinite() const override { return !infinite_.empty(); }
   bool has_choice() const override { return !emitters_.empty() && !choice_.single(); }
-  bool has_v2_disk() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return is_v2_disk(e); }); }
+  bool weighs_alone() const override { return std::ranges::any_of(emitters_, [&](const Emitter& e) { return weighs_alone(e); }); }
   bool disagrees() const override {
     const auto turned = [&](const Emitter& e) {
       const bool curved = e.kind == EmitterKind::sphere || e.kind == EmitterKind::sphere_part || e.kind == EmitterKind::quadric;
@@ -114,7 +115,7 @@ class SceneLights final : public Lights {
     if (number == kNone) return 0.f;
     const Emitter& e = emitters_[number];
     float pdf = shape_pdf(e, p, direction, t, hit_ng);
-    if (!is_v2_disk(e)) pdf *= choice_.chance(number, p, n);
+    if (!weighs_alone(e)) pdf *= choice_.chance(number, p, n);
     return pdf < kInfinity ? pdf : 0.f;
   }
 
@@ -171,8 +172,9 @@ class SceneLights final : public Lights {
 
   // A disk of pbrt-v2 samples one side and shows light on the other (make_disk). The two estimates do not add up to
   // the whole light, so the picture depends on their weights, and these are pbrt-v2's: the light's own density,
-  // without the chance of the light.
-  bool is_v2_disk(const Emitter& e) const {
+  // without the chance of the light. So it does for lamps that samples find and rays do not (Emission::weighed).
+  bool weighs_alone(const Emitter& e) const {
+    if (e.invisible) return e.weighed;
     if (e.kind != EmitterKind::quadric || e.two_sided) return false;
     const Quadric& q = quadrics_[e.index].quadric;
     return q.kind == QuadricKind::disk && q.inside_out;
@@ -214,7 +216,7 @@ class SceneLights final : public Lights {
     // Every infinite light could have given this direction, and all of them shine from there.
     if (e.kind == EmitterKind::infinite && infinite_.size() > 1)
       out.radiance = all_infinite<F>(found, p, n, out.wi, out.pdf);
-    out.weight_pdf = is_v2_disk(e) ? own_pdf : out.pdf;
+    out.weight_pdf = weighs_alone(e) ? own_pdf : out.pdf;
     if (e.invisible && !e.weighed) out.delta = MaskOf<F>(true);
     if (e.picture != kNone)
       lanes::for_each(found, [&](std::size_t i) {
@@ -345,7 +347,7 @@ class SceneLights final : public Lights {
     desc.params.report_unused("LightSource \"" + desc.type + "\"", warnings);
   }
 
-  void add_shapes(const Part& part, Dialect dialect) {
+  void add_shapes(const Part& part, Dialect dialect, bool v4) {
     for (const MeshChunk& chunk : part.chunks)
       if (shines(chunk.light)) {
         reserve(chunk, part);
@@ -362,15 +364,16 @@ class SceneLights final : public Lights {
     if (std::any_of(emissions_.begin(), emissions_.end(), [](const Emission& e) { return e.power > 0.f; })) {
       powers_ = power_factors(part, emissions_, ranges_, total);
     }
-    // A texture that makes holes makes the light unfit for sampling by area; rays that hit it count
-    // in full.
+    // In pbrt-v4 a texture that makes holes makes the light unfit for sampling by area; rays that hit it count in full. Before it
+    // samples know nothing of holes.
+    const auto by_area = [&](std::uint32_t alpha, const Emission& e) { return alpha == kNone || e.invisible || !v4; };
     for (const MeshChunk& chunk : part.chunks)
-      if (shines(chunk.light) && (chunk.alpha_texture == kNone || emissions_[chunk.light].invisible))
+      if (shines(chunk.light) && by_area(chunk.alpha_texture, emissions_[chunk.light]))
         add_mesh(chunk, part, dialect);
     for (const QuadricRecord& record : part.quadrics) {
       if (!shines(record.light)) continue;
       const Emission& emission = emissions_[record.light];
-      if (record.alpha_texture != kNone && !emission.invisible) continue;
+      if (!by_area(record.alpha_texture, emission)) continue;
       EmissiveQuadric quadric;
       const Rgb radiance = emission.power > 0.f ? emission.radiance * power_factor(record.light, 0) : emission.radiance;
       auto made = make_quadric(record.quadric, record.flip != 0, radiance, emission.two_sided, quadric);
@@ -417,7 +420,9 @@ class SceneLights final : public Lights {
       if (i + 1 < chunk.triangle_count) {
         const TriangleVertices b = vertices_of(part, chunk, chunk.first_triangle + i + 1);
         Vec3 corner, edge0, edge1;
-        if (!emission.picture && parallelogram(a.p, b.p, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
+        // pbrt-v3's density is that of a triangle.
+        const bool alone = emission.picture || (emission.weighed && dialect == Dialect::v3);
+        if (!alone && parallelogram(a.p, b.p, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
           if (auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n, radiance(i), emission.two_sided)) {
             made->emitter.hide(emission);
             slot(i) = slot(i + 1) = add(*made);

@@ -55,9 +55,9 @@ class Lights {
   virtual bool has_infinite() const = 0;
   virtual bool has_choice() const = 0;  // there is more than one light; without, sample() takes any u_light
   virtual std::uint64_t bytes() const = 0;
-  // There is a disk of pbrt-v2, whose light depends on the weights of the estimates (LightSample::weight_pdf): these
-  // are to be those of pbrt, with Bsdf::even_pdf.
-  virtual bool has_v2_disk() const = 0;
+  // There is a disk of pbrt-v2, or a lamp that rays do not find, whose light depends on the weights of the estimates
+  // (LightSample::weight_pdf): these are to be those of pbrt, with Bsdf::even_pdf.
+  virtual bool weighs_alone() const = 0;
   // Some lamp is lit by samples on one side and shows light on the other: a disk of pbrt-v2, a mirrored sphere of pbrt-v3.
   virtual bool disagrees() const = 0;
 

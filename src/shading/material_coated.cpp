@@ -13,7 +13,8 @@ class CoatInputs {
         g_(in.params.real("g", 0.f)),
         albedo_(in.params.rgb("albedo", Rgb(0.f))),
         roughness_(roughness),
-        walks_(std::clamp(in.params.params().integer("nsamples", 1), 1, kMostWalks)) {
+        walks_(std::clamp(in.params.params().integer("nsamples", 1), 1, bsdf::kMostCoatWalks)),
+        events_(std::clamp(in.params.params().integer("maxdepth", 10), 0, bsdf::kMostCoatEvents)) {
     in.estimated = true;
     if (!eta_.texture && !thickness_.texture) internal_ = bsdf::coat_internal(eta(TexturePoint()), thickness(TexturePoint()));
   }
@@ -29,14 +30,13 @@ class CoatInputs {
     c.albedo = glm::clamp(albedo_(at), 0.f, 1.f);
     c.g = bounded(g_(at), -0.99f, 0.99f);
     c.walks = walks_;
+    c.events = events_;
     return c;
   }
   // See bsdf::coat_internal().
   float internal(const bsdf::Coat& c) const { return internal_ ? *internal_ : bsdf::coat_internal(c.eta, c.thickness); }
 
  private:
-  static constexpr int kMostWalks = 64;
-
   static float bounded(float x, float least, float most) { return x >= least ? std::min(x, most) : least; }  // also no number
   float eta(const TexturePoint& at) const { return bounded(eta_(at), 1.f, 10.f); }
   float thickness(const TexturePoint& at) const { return bounded(thickness_(at), 0.f, 1e4f); }
@@ -44,7 +44,7 @@ class CoatInputs {
   TexturedFloat eta_, thickness_, g_;
   TexturedRgb albedo_;
   Roughness roughness_;
-  int walks_;
+  int walks_, events_;
   std::optional<float> internal_;  // when not textured
 };
 
