@@ -11,7 +11,7 @@ sigset_t interrupt_signals() {
   sigemptyset(&set);
   sigaddset(&set, SIGINT);
   sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGHUP);   // the terminal is gone; under nohup it is ignored and never comes
+  sigaddset(&set, SIGHUP);  // the terminal is gone; under nohup it is ignored and never comes
   sigaddset(&set, SIGUSR2);  // of our own destructor
   return set;
 }

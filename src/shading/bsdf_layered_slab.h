@@ -4,8 +4,8 @@
 
 namespace cloudrenderer::bsdf {
 
-// The coat's lobe has in scale2 the medium's thickness, g and the number of walks with kWalks times that of events; in eta.x its index, or in norm where eta is the
-// mirror's below. The layered lobe has in scale2 the medium's albedo, and a diffuse base's reflectance in k.
+// The coat's lobe has in scale2 the medium's thickness, g and the number of walks with kWalks times that of events; in eta.x its
+// index, or in norm where eta is the mirror's below. The layered lobe has in scale2 the medium's albedo, and a diffuse base's reflectance in k.
 struct Slab {
   static constexpr int kWalks = 2 * kMostCoatWalks;
 

@@ -16,8 +16,8 @@ struct LightMap {
   bool empty() const { return texels.empty(); }
 };
 
-// The picture of the light's parameter `name`, times `scale`; its rows are in the order of pbrt's reader. Values are as in the file, of 8 bits too, but for pbrt-v4
-// ("srgb"), which decodes them unless they are floats. Without `read` the file is only opened. Empty without the parameter
+// The picture of the light's parameter `name`, times `scale`; its rows are in the order of pbrt's reader. Values are as in the
+// file, of 8 bits too, but for pbrt-v4 ("srgb"), which decodes them unless they are floats. Without `read` the file is only opened. Empty without the parameter
 // and, with a warning that ends with `instead`, when it cannot be read.
 LightMap read_light_map(const Entity& light, const char* name, Dialect dialect, const Rgb& scale, bool read, const char* instead,
                         Warnings& warnings);
