@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <numeric>
 
 #include "bare_embree.h"
 #include "integrator/path_tracer.h"
@@ -17,8 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kBatch = 16384;  // as a worker's
-constexpr std::size_t kFew = 2048;     // local work below this waits for more camera rays, as in a worker
+constexpr std::size_t kBatch = 4096;  // as those of a worker that is alone
+constexpr std::size_t kFew = 1024;    // local work below this waits for more camera rays, as in a worker
 
 double now() {
   timespec t;
@@ -54,20 +55,41 @@ struct Recorded {
 
 OcclusionRay ray_of(const PathSegment& s) { return {s.origin, s.direction, kInfinity}; }
 
+// Tiles of all samples, in an order in which any number of the first ones lie all over the picture.
+std::vector<RendererRange> spread_tiles(const FilmFrame& f, std::uint32_t spp) {
+  constexpr std::uint32_t kSide = 16;
+  std::vector<RendererRange> tiles;
+  for (std::uint32_t y = f.y0; y < f.y1; y += kSide)
+    for (std::uint32_t x = f.x0; x < f.x1; x += kSide)
+      tiles.push_back({0, x, y, std::min(x + kSide, f.x1), std::min(y + kSide, f.y1), 0, spp});
+  // Steps by the golden ratio.
+  std::size_t step = std::max<std::size_t>(1, tiles.size() * 618 / 1000);
+  while (std::gcd(step, tiles.size()) != 1) ++step;
+  std::vector<RendererRange> spread;
+  for (std::size_t i = 0; i < tiles.size(); ++i) spread.push_back(tiles[i * step % tiles.size()]);
+  return spread;
+}
+
 // Renders until there are about `most` rays; with `record`, keeps them. Both runs do the same work.
 Recorded render(PathTracer& tracer, std::uint64_t most, bool record) {
   Recorded out;
-  const FilmFrame& f = tracer.job().film.frame;
-  const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, tracer.job().spp};
+  const std::vector<RendererRange> tiles = spread_tiles(tracer.job().film.frame, tracer.job().spp);
+  std::size_t tile = 0;
+  std::uint64_t made = 0;  // of the tile
   if (record) tracer.record_shadow_rays(&out.shadow);
   std::uint64_t rays = 0;
   const double start = now();
   SegmentBatch batch;
-  while (out.paths < range.paths() || batch.size() != 0) {
-    if (batch.size() < kFew && out.paths < range.paths() && rays < most) {
-      const std::uint64_t n = std::min<std::uint64_t>(kBatch, range.paths() - out.paths);
-      tracer.camera(range, 1, out.paths, n, batch.segments);
+  for (;;) {
+    while (batch.size() < kFew && tile < tiles.size() && rays < most) {
+      const std::uint64_t n = std::min<std::uint64_t>(kBatch, tiles[tile].paths() - made);
+      tracer.camera(tiles[tile], 1, made, n, batch.segments);
       out.paths += n;
+      made += n;
+      if (made == tiles[tile].paths()) {
+        made = 0;
+        ++tile;
+      }
     }
     if (batch.size() == 0) break;
     rays += batch.size();
