@@ -18,8 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kBatch = 4096;  // as those of a worker that is alone
-constexpr std::size_t kFew = 1024;    // local work below this waits for more camera rays, as in a worker
+constexpr std::size_t kBatch = 16384;  // as a worker's
+constexpr std::size_t kFew = 2048;     // local work below this waits for more camera rays, as in a worker
 
 double now() {
   timespec t;

@@ -35,8 +35,7 @@ enum SegmentFlag : std::uint16_t {
 
 // One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
 // A path is a pure function of (job, pixel, sample); two copies of it are equal to the bit wherever they run.
-// Aligned so that it is two lines of a cache, not parts of three.
-struct alignas(64) PathSegment {
+struct PathSegment {
   Vec3 origin;
   Vec3 direction;                    // unit
   Vec3 throughput;

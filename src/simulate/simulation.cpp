@@ -70,8 +70,6 @@ class Simulation {
     less(o.path_credits);
     less(o.camera_batch);
     less(o.trace_batch);
-    less(o.lone_batch);
-    less(o.lone_small_batch);
     less(o.small_batch);
     less(o.low_mark);
     less(o.block_segments);

@@ -19,7 +19,6 @@
 //                       v         | h      v
 //                  submitting -> waiting (for replies of other hosts)
 //                            f
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -42,10 +41,8 @@ struct WorkerOptions {
   std::size_t camera_batch = 16384;     // camera segments made at once
   std::size_t trace_batch =
       16384;  // small tracer and aggregator batches are joined up to this size
-  std::size_t small_batch = 2048;  // local work below this waits while there are camera rays to make
-  // At most these on a host that is alone: there it pays most that batches stay in the processor's cache, with others that
-  // more is said in a message.
-  std::size_t lone_batch = 4096, lone_small_batch = 1024;
+  std::size_t small_batch =
+      2048;                       // local work below this waits while there are camera rays to make
   std::size_t low_mark = 131072;  // segments waiting here above which no camera rays are made
   float peer_load_limit_s = 2.f;  // nor while another host announces more queued work than this
   std::size_t block_segments =
@@ -182,10 +179,6 @@ class WorkerCore {
   void move(Uuid id, TaskMove m) { move(tasks_.at(id), m); }
   void end_inline(Uuid id);  // a waiting task that has nothing left to do
   void ready_local(std::vector<PathSegment> segments);
-  bool alone() const { return routing_->hosts() == 1; }
-  std::size_t camera_batch() const { return alone() ? std::min(options_.camera_batch, options_.lone_batch) : options_.camera_batch; }
-  std::size_t trace_batch() const { return alone() ? std::min(options_.trace_batch, options_.lone_batch) : options_.trace_batch; }
-  std::size_t small_batch() const { return alone() ? std::min(options_.small_batch, options_.lone_small_batch) : options_.small_batch; }
   void ready_shade(SegmentBatch batch);
   void ready_returned(Uuid id, TraceWork::Returned returned, std::size_t count);
   void ready_resolve(Uuid id, ResolveWork::Answered answered, std::size_t count);

@@ -75,9 +75,9 @@ std::optional<Work> WorkerCore::take(double now) {
     // The deepest work first, but small batches are dear: camera rays may join them while credits
     // last.
     const bool camera = may_make_camera();
-    if (shade_queued_ + local_queued_ < small_batch() && camera) return take_camera(now);
+    if (shade_queued_ + local_queued_ < options_.small_batch && camera) return take_camera(now);
     if (shade_queued_ != 0 &&
-        (shade_queued_ >= small_batch() || local_queued_ < small_batch()))
+        (shade_queued_ >= options_.small_batch || local_queued_ < options_.small_batch))
       return take_shade(now);
     if (local_queued_ != 0) return take_trace(now);
     return take_camera(now);
@@ -96,7 +96,7 @@ Work WorkerCore::take_camera(double now) {
   if (task.state == TaskState::ready) move(task, b_run);
   RendererLedger::Run& run = r.to_make.front();
   const std::uint64_t count =
-      std::min({run.count, std::uint64_t{camera_batch()}, credits() - live_paths()});
+      std::min({run.count, std::uint64_t{options_.camera_batch}, credits() - live_paths()});
   work.what = CameraWork{r.range, static_cast<std::uint16_t>(self_.value), run.first, count};
   run.first += count;
   run.count -= count;
@@ -111,7 +111,7 @@ Work WorkerCore::take_trace(double now) {
   TraceWork w;
   std::size_t n = 0;
   const auto take_from = [&](auto& queue, auto& list) {
-    while (!queue.empty() && (n == 0 || n + queue.front().count <= trace_batch())) {
+    while (!queue.empty() && (n == 0 || n + queue.front().count <= options_.trace_batch)) {
       auto ready = pop(queue);
       n += ready.count;
       queued_ -= ready.count;
@@ -133,7 +133,7 @@ Work WorkerCore::take_shade(double now) {
   ShadeWork w;
   std::size_t n = 0;
   while (!ready_shade_.empty() &&
-         (n == 0 || n + ready_shade_.front().count <= trace_batch())) {
+         (n == 0 || n + ready_shade_.front().count <= options_.trace_batch)) {
     auto ready = pop(ready_shade_);
     n += ready.count;
     run(work, ready.id);

@@ -1,0 +1,64 @@
+#!/usr/bin/env python3
+"""Is one build of cloudrenderer faster than another? Both render a scene at the same time, each on a processor of its own,
+and then change places, so that what else the machine does meets both alike: differences of a hundredth show in a minute.
+Prints the ratios of their processor times (median and range), and exits 1 if the pictures differ."""
+import argparse
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+
+STAGES = ("camera", "trace", "shade", "occlusion")
+
+
+def start(program, processor, scene, folder, name, options):
+    picture, report = folder / f"{name}.exr", folder / f"{name}.json"
+    return subprocess.Popen(["taskset", "-c", str(processor), program, "render", scene, "--threads", "1", "--quiet", "-o", picture,
+                             "--report", report, *options])
+
+
+def seconds(folder, name):
+    report = json.loads((folder / f"{name}.json").read_text())
+    return {"render": report["time"]["render_cpu_s"], **{stage: report["engine_cpu_s"][stage] for stage in STAGES}}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("before", help="a cloudrenderer binary")
+    parser.add_argument("after", help="another one")
+    parser.add_argument("scene")
+    parser.add_argument("--pairs", type=int, default=4, help="how often both run (default 4)")
+    arguments, options = parser.parse_known_args()  # the rest is for `render`
+    processors = sorted(os.sched_getaffinity(0))[:2]
+    if len(processors) < 2:
+        sys.exit("compare_builds: two processors are needed")
+    programs = {"before": os.path.abspath(arguments.before), "after": os.path.abspath(arguments.after)}
+    times = {name: [] for name in programs}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = pathlib.Path(scratch)
+        for pair in range(arguments.pairs):
+            places = processors if pair % 2 == 0 else processors[::-1]
+            running = [start(program, place, arguments.scene, folder, name, options)
+                       for (name, program), place in zip(programs.items(), places)]
+            codes = [process.wait() for process in running]
+            if any(codes):
+                sys.exit(f"compare_builds: the renders ended with {codes[0]} (before) and {codes[1]} (after)")
+            for name in programs:
+                times[name].append(seconds(folder, name))
+        same = subprocess.run([programs["after"], "compare", folder / "after.exr", folder / "before.exr", "--max-relmse", "0"],
+                              stdout=subprocess.DEVNULL).returncode == 0
+    print(f"{'processor s':<12}{'before':>9}{'after':>9}{'ratio':>9}   range of {arguments.pairs}")
+    for stage in ("render", *STAGES):
+        before, after = ([t[stage] for t in times[name]] for name in programs)
+        ratios = [a / b for a, b in zip(after, before)]
+        print(f"{stage:<12}{statistics.median(before):9.3f}{statistics.median(after):9.3f}{statistics.median(ratios):9.3f}"
+              f"   {min(ratios):.3f} to {max(ratios):.3f}")
+    print("the same picture" if same else "the pictures differ")
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
