@@ -36,6 +36,7 @@ if(TARGET cloudrenderer)
   tool_test(to_mitsuba to_mitsuba)
   tool_test(speed_error speed_error TimeAt Tool)
   tool_test(speed_cluster speed_error Hosts)
+  tool_test(compare_builds compare_builds)
 endif()
 # The build for arm64 and what runs of it in qemu-user; skipped aloud where packages cannot be had. It takes hours.
 if(NOT CMAKE_CROSSCOMPILING)
