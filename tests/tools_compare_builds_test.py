@@ -1,6 +1,7 @@
-"""tools/compare_builds.py: a build is as fast as itself and makes the same picture; another picture, and a render that fails, are told."""
+"""tools/compare_builds.py: a build has its own picture, with times of all stages; another picture, and a render that fails, are told."""
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -20,7 +21,9 @@ def main():
         print("skipped: two processors are needed")
         return 77
     same = compare(PROGRAM)
-    assert same.returncode == 0 and "the same picture" in same.stdout and "render" in same.stdout, same.stdout + same.stderr
+    assert same.returncode == 0 and "the same picture" in same.stdout, same.stdout + same.stderr
+    ratios = re.findall(r"^(render|camera|trace|shade|occlusion)\b.* (\d+\.\d+) to (\d+\.\d+)$", same.stdout, re.M)
+    assert len(ratios) == 5 and all(0 < float(low) <= float(high) for _, low, high in ratios), same.stdout
     with tempfile.TemporaryDirectory() as scratch:
         other = pathlib.Path(scratch, "other_seed")  # a build whose picture is another one
         other.write_text(f'#!/bin/sh\nif [ "$1" = render ]; then exec "{PROGRAM}" "$@" --seed 1; fi\nexec "{PROGRAM}" "$@"\n')

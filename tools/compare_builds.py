@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Is one build of cloudrenderer faster than another? Both render a scene at the same time, each on a processor of its own,
 and then change places, so that what else the machine does meets both alike: differences of a hundredth show in a minute.
 Prints the ratios of their processor times (median and range), and exits 1 if the pictures differ."""
@@ -6,10 +6,13 @@ import argparse
 import json
 import os
 import pathlib
-import statistics
 import subprocess
 import sys
 import tempfile
+
+import numpy as np
+
+import measure
 
 STAGES = ("camera", "trace", "shade", "occlusion")
 
@@ -17,7 +20,7 @@ STAGES = ("camera", "trace", "shade", "occlusion")
 def start(program, processor, scene, folder, name, options):
     picture, report = folder / f"{name}.exr", folder / f"{name}.json"
     return subprocess.Popen(["taskset", "-c", str(processor), program, "render", scene, "--threads", "1", "--quiet", "-o", picture,
-                             "--report", report, *options])
+                             "--report", report, *options], preexec_fn=measure.die_with_parent)
 
 
 def seconds(folder, name):
@@ -48,14 +51,14 @@ def main():
                 sys.exit(f"compare_builds: the renders ended with {codes[0]} (before) and {codes[1]} (after)")
             for name in programs:
                 times[name].append(seconds(folder, name))
-        same = subprocess.run([programs["after"], "compare", folder / "after.exr", folder / "before.exr", "--max-relmse", "0"],
-                              stdout=subprocess.DEVNULL).returncode == 0
-    print(f"{'processor s':<12}{'before':>9}{'after':>9}{'ratio':>9}   range of {arguments.pairs}")
+        pictures = [measure.read_rgb(folder / f"{name}.exr") for name in programs]
+    rows = []
     for stage in ("render", *STAGES):
         before, after = ([t[stage] for t in times[name]] for name in programs)
         ratios = [a / b for a, b in zip(after, before)]
-        print(f"{stage:<12}{statistics.median(before):9.3f}{statistics.median(after):9.3f}{statistics.median(ratios):9.3f}"
-              f"   {min(ratios):.3f} to {max(ratios):.3f}")
+        rows.append([stage, *(f"{x:.3f}" for x in map(measure.median, (before, after, ratios))), f"{min(ratios):.3f} to {max(ratios):.3f}"])
+    measure.table(["processor s", "before", "after", "ratio", f"range of {arguments.pairs}"], rows)
+    same = np.array_equal(*pictures)
     print("the same picture" if same else "the pictures differ")
     return 0 if same else 1
 
