@@ -304,12 +304,21 @@ void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, 
     set.intersect8(1, rays, good, coherence, hits);
     return;
   }
+  // What is joined is traced as a whole, and whatever of it may hold something nearer counts as tested.
+  const bool join = set.may_join(rays);
+  if (join) {
+    set.intersect_joined8(rays, good, coherence, hits);
+    if (set.joined_count() == map_.part_count() - 1) return;
+  }
   // Each round takes the nearest resident part that any of the rays still has to test, with all rays that do.
   constexpr std::size_t kNear = 16;
   std::array<std::array<Candidate, kNear>, 8> lists;
   std::array<std::size_t, 8> counts{}, cursor{};
   for (std::size_t i = 0; i < 8; ++i) {
-    if (good >> i & 1u) counts[i] = map_.candidates(s[i].origin, s[i].direction, hits[i].t, lists[i]);
+    if (!(good >> i & 1u)) continue;
+    counts[i] = map_.candidates(s[i].origin, s[i].direction, hits[i].t, lists[i]);
+    for (std::size_t j = 0; join && j < counts[i]; ++j)
+      if (set.joined(lists[i][j].part)) s[i].tested |= std::uint64_t{1} << j;
   }
   for (;;) {
     float nearest = kInfinity;
@@ -414,6 +423,15 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
         missing &= ~open;
       }
     } else {
+      const bool join = open && !grids_ && set.may_join(packet);
+      if (join) {
+        hit |= set.occluded_joined8(packet, open);
+        open &= ~hit;
+        if (set.joined_count() == map_.part_count() - 1) {
+          missing &= ~open;
+          open = 0;
+        }
+      }
       for (std::uint32_t left = open; left; left &= left - 1) {
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
         const OcclusionRay& r = rays[first + i];
@@ -438,7 +456,7 @@ void PathTracer::find_blocked(const ResidentSet& set, std::span<const OcclusionR
           for (std::size_t c = 0; c < list.size() && !blocked; ++c) {
             const bool here = set.has(list[c].part);
             all_here = all_here && here;
-            if (here && list[c].t_enter <= r.t_max) blocked = set.occluded(list[c].part, ray);
+            if (here && !(join && set.joined(list[c].part)) && list[c].t_enter <= r.t_max) blocked = set.occluded(list[c].part, ray);
           }
           if (blocked || !list.more()) break;
           ++probe.window;

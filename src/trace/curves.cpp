@@ -14,6 +14,7 @@ void bounds(const RTCBoundsFunctionArguments* args) {
 }
 
 void intersect(const RTCIntersectFunctionNArguments* args) {
+  if (is_beside(args->context)) return;
   const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
   RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
   for (unsigned i = 0; i < args->N; ++i) {

@@ -1,9 +1,7 @@
 #include "trace/loaded_part.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 
 #include "parts/part_builder.h"
 #include "parts/spool.h"
@@ -15,19 +13,6 @@ namespace cloudrenderer {
 
 namespace {
 
-// A bit a lane. Mostly one lane of a packet asks, and looking at one after the other would cost a wrong guess of the
-// processor each time.
-std::uint32_t valid_lanes(const int* valid, unsigned n) {
-  if (n == kLanes) {
-    Ints8 on;
-    std::memcpy(&on, valid, sizeof on);
-    return lanes::to_bits(Mask8::of(on));
-  }
-  std::uint32_t bits = 0;
-  for (unsigned i = 0; i < n; ++i) bits |= static_cast<std::uint32_t>(valid[i] != 0) << i;
-  return bits;
-}
-
 void quadric_bounds(const RTCBoundsFunctionArguments* args) {
   const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
   const Bounds3 b = world_bounds(self->part().quadrics[args->primID].quadric);
@@ -36,6 +21,7 @@ void quadric_bounds(const RTCBoundsFunctionArguments* args) {
 
 void quadric_intersect(const RTCIntersectFunctionNArguments* args) {
   const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
+  if (is_beside(args->context)) return;
   const Quadric& q = self->part().quadrics[args->primID].quadric;
   RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
   for (unsigned i = 0; i < args->N; ++i) {
@@ -101,6 +87,7 @@ bool inverts_badly(const Mat4& matrix) {
 
 void moving_intersect(const RTCIntersectFunctionNArguments* args) {
   auto* context = reinterpret_cast<QueryContext*>(args->context);
+  if (context->beside) return;
   const LoadedPart::Moving& m = static_cast<const LoadedPart*>(args->geometryUserPtr)->moving(args->primID);
   RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
   for (unsigned i = 0; i < args->N; ++i) {
@@ -147,7 +134,7 @@ const BrickRay* brick_ray(const RTCIntersectContext* context, unsigned n) {
 
 void brick_intersect(const RTCIntersectFunctionNArguments* args) {
   const BrickRay* bricks = brick_ray(args->context, args->N);
-  if (!bricks || !args->valid[0]) return;
+  if (!bricks || !args->valid[0] || is_beside(args->context)) return;
   const auto* self = static_cast<const LoadedPart*>(args->geometryUserPtr);
   RTCRayN* ray = RTCRayHitN_RayN(args->rayhit, 1);
   const LaneRay r = lane_ray(ray, 1, 0);
@@ -177,98 +164,6 @@ void brick_occluded(const RTCOccludedFunctionNArguments* args) {
 }
 
 }  // namespace
-
-// Hits come in an order that depends on the BVH. What counts is the order (t, shape, primitive), so the first of
-// equal distance must not win by chance. Nor may the distances that Embree computed decide where they are as good as
-// equal: there they are computed again. Elsewhere that can wait until the best one is known.
-void intersect_filter(const RTCFilterFunctionNArguments* args) {
-  auto* context = reinterpret_cast<QueryContext*>(args->context);
-  const auto* owner = static_cast<const LoadedPart*>(args->geometryUserPtr);
-  const unsigned n = args->N;
-  for (std::uint32_t left = valid_lanes(args->valid, n); left; left &= left - 1) {
-    const auto i = static_cast<unsigned>(std::countr_zero(left));
-    // Lanes of a packet keep their number in the ray's id.
-    const unsigned lane = RTCRayN_id(args->ray, n, i);
-    QueryContext::Lane& best = context->lanes[lane];
-    const float t = RTCRayN_tfar(args->ray, n, i);
-    // The ray reaches a little behind the best hit (see reach()): what is really behind it is no hit.
-    if (t > best.t * (1.f + 2 * kEmbreeError)) {
-      args->valid[i] = 0;
-      continue;
-    }
-    const std::uint32_t inst = RTCHitN_instID(args->hit, n, i, 0);
-    const std::uint32_t instance = inst == RTC_INVALID_GEOMETRY_ID ? kNone : inst - kFirstInstance;
-    const std::uint32_t geometry = RTCHitN_geomID(args->hit, n, i), index = RTCHitN_primID(args->hit, n, i);
-    const bool nearer = t < best.t * (1.f - 2 * kEmbreeError);
-    if (nearer && geometry == kTriangles && instance == kNone && !owner->has_alpha()) {
-      best.t = t;
-      best.geometry = geometry;
-      best.index = index;
-      best.instance = instance;
-      context->unsettled |= 1u << lane;
-      RTCRayN_tfar(args->ray, n, i) = reach(t);
-      continue;
-    }
-    const LaneRay r = lane_ray(args->ray, n, i);  // in the space of an instance
-    QueryContext::Lane found{t, geometry, index, instance, 0, 0, RTCHitN_u(args->hit, n, i), RTCHitN_v(args->hit, n, i)};
-    if (geometry == kTriangles) settle(*owner, r.origin, r.direction, found);
-    if (owner->has_alpha() &&
-        !owner->opaque(geometry, index, found.u, found.v, r.origin, r.direction, found.t, false, *context->scene)) {
-      args->valid[i] = 0;
-      continue;
-    }
-    // From here on the best one is settled, or this one in its place.
-    const bool unsettled = context->unsettled >> lane & 1;
-    context->unsettled &= ~(1u << lane);
-    if (!nearer) {
-      if (unsettled) settle(*context->part, context->origin(lane), context->direction(lane), best);
-      bool first = found.t < best.t;
-      if (found.t == best.t) {
-        std::uint32_t shape, primitive, best_shape = best.shape, best_primitive = best.primitive;
-        context->part->ids(found.geometry, found.index, found.instance, shape, primitive);
-        if (best.instance != kForeign)
-          context->part->ids(best.geometry, best.index, best.instance, best_shape, best_primitive);
-        first = shape < best_shape || (shape == best_shape && primitive < best_primitive);
-      }
-      if (!first) {
-        args->valid[i] = 0;
-        continue;
-      }
-    }
-    best = found;
-    RTCRayN_tfar(args->ray, n, i) = reach(found.t);
-  }
-}
-
-void occluded_filter(const RTCFilterFunctionNArguments* args) {
-  const auto* context = reinterpret_cast<const QueryContext*>(args->context);
-  const auto* owner = static_cast<const LoadedPart*>(args->geometryUserPtr);
-  const unsigned n = args->N;
-  for (std::uint32_t left = valid_lanes(args->valid, n); left; left &= left - 1) {
-    const auto i = static_cast<unsigned>(std::countr_zero(left));
-    const float t_max = context->t_max(RTCRayN_id(args->ray, n, i));
-    QueryContext::Lane found{RTCRayN_tfar(args->ray, n, i), RTCHitN_geomID(args->hit, n, i), RTCHitN_primID(args->hit, n, i),
-                             kNone, 0, 0, 0, 0};
-    // Shapes of our own do not come here.
-    const bool surely = found.t < t_max * (1.f - 4 * kEmbreeError);
-    if (surely && !owner->has_alpha()) continue;
-    const LaneRay r = lane_ray(args->ray, n, i);
-    settle(*owner, r.origin, r.direction, found);
-    if ((!surely && !(found.t < occlusion_end(t_max))) ||
-        (owner->has_alpha() &&
-         !owner->opaque(found.geometry, found.index, found.u, found.v, r.origin, r.direction, found.t, true, scene_of(args->context))))
-      args->valid[i] = 0;
-  }
-}
-
-void settle(const LoadedPart& part, const Vec3& origin, const Vec3& direction, QueryContext::Lane& hit) {
-  const Triangle corners = part.part().triangles[hit.index];
-  const auto& positions = part.part().positions;
-  const auto exact = triangle_hit<float>({positions[corners.x], positions[corners.y], positions[corners.z]}, origin, direction);
-  hit.t = exact.t;
-  hit.u = exact.u;
-  hit.v = exact.v;
-}
 
 LoadedPart::LoadedPart(std::shared_ptr<Device> device, Part part, std::vector<std::shared_ptr<const LoadedPart>> prototypes, BvhForm form)
     : device_(std::move(device)), part_(std::move(part)), prototypes_(std::move(prototypes)) {

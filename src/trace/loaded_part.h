@@ -126,11 +126,16 @@ MaskOf<F> LoadedPart::surely_misses(std::uint32_t quadric, const Vec3Of<F>& orig
   return aside || nearest - half_chord > t_far || nearest + half_chord < 0.f;
 }
 
+class JointScene;
+
 // What the filter and the user geometry find behind Embree's context while one query runs.
 struct QueryContext {
   RTCIntersectContext embree;  // first: Embree hands us its address
-  const LoadedPart* part = nullptr;
+  const LoadedPart* part = nullptr;   // what is traced: one part,
+  const JointScene* joint = nullptr;  // or several
   const SceneFunctions* scene = nullptr;
+  // Embree's rays run beside the true ones, see each_beside(): only triangles count, by where the true ray meets them.
+  bool beside = false;
   const BrickRay* bricks = nullptr;  // of a single ray
   // The best hit so far of each lane (one lane for single rays), in terms of the part being traced; a hit of another
   // part or host has instance = geometry = kForeign and its global ids in shape, primitive.
@@ -138,6 +143,7 @@ struct QueryContext {
     float t;
     std::uint32_t geometry, index, instance, shape, primitive;
     float u, v;  // unset if unsettled or foreign
+    std::uint32_t member;  // of the joint scene, where one is traced
   };
   Lane* lanes = nullptr;
   std::uint32_t unsettled = 0;  // a bit a lane: t of its hit is Embree's, u and v are not set yet, see settle()
@@ -171,6 +177,8 @@ void settle(const LoadedPart& part, const Vec3& origin, const Vec3& direction, Q
 inline const SceneFunctions& scene_of(const RTCIntersectContext* context) {
   return *reinterpret_cast<const QueryContext*>(context)->scene;
 }
+
+inline bool is_beside(const RTCIntersectContext* context) { return reinterpret_cast<const QueryContext*>(context)->beside; }
 
 void intersect_filter(const RTCFilterFunctionNArguments* args);
 void occluded_filter(const RTCFilterFunctionNArguments* args);

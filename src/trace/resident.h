@@ -40,6 +40,7 @@ struct SceneFunctions {
 
 class Device;        // Embree's device with its memory counter
 class LoadedPart;    // one part or prototype with its BVH
+class JointScene;    // several parts under one tree
 class PartCache;     // loaded parts that several scenes share
 struct PartKey;
 
@@ -65,9 +66,18 @@ class ResidentSet {
   // Bit mask of the active rays that are blocked.
   std::uint32_t occluded8(std::uint32_t part, const RayPacket& rays, std::uint32_t active) const;
 
+  // The same for parts that are joined under one tree, in one query: those without instances, where there are two at least.
+  // The same bits as part by part, in any order. For rays of which may_join() is true: none starts very far away.
+  bool joined(std::uint32_t part) const;
+  std::size_t joined_count() const;  // 0: none are
+  bool may_join(const RayPacket& rays) const;
+  void intersect_joined8(const RayPacket& rays, std::uint32_t active, Coherence coherence, Hit* hits) const;
+  std::uint32_t occluded_joined8(const RayPacket& rays, std::uint32_t active) const;
+
  private:
   friend class Resident;
   std::vector<std::shared_ptr<const LoadedPart>> parts_;
+  std::shared_ptr<const JointScene> joint_;
   std::shared_ptr<const SceneFunctions> scene_;
 };
 
@@ -121,6 +131,9 @@ class Resident {
 
   std::shared_ptr<PartCache> cache_;
   std::shared_ptr<Device> device_;
+  std::string isa_;
+  // Of its own, so that what a tree over parts takes (some hundred bytes a part) is not counted as a part's.
+  mutable std::shared_ptr<Device> joint_device_;
   mutable std::mutex mutex_;
   std::vector<Loaded> prototypes_;
   ResidentSet now_;
