@@ -139,7 +139,7 @@ TEST(Resident, FormsOfTheBvhFindTheSameBits) {
   }
 }
 
-// Joined under one tree, with what is known of a hit, and beside a part that is not joined because it holds an instance.
+// Joined under one tree, with what is known of a hit; one of the parts is an instance.
 TEST(Resident, JoinedPartsFindTheBitsOfPartByPart) {
   prepare_compute_thread();
   const std::uint32_t n = 60, parts = 5;
@@ -154,10 +154,10 @@ TEST(Resident, JoinedPartsFindTheBitsOfPartByPart) {
   instances->instances.push_back(placed);
   resident.load_part(PartId{parts + 1}, as_part(instances));
   const auto set = resident.snapshot();
-  EXPECT_EQ(set->joined_count(), parts);
+  EXPECT_EQ(set->joined_count(), parts + 1);
   EXPECT_TRUE(set->joined(1));
   EXPECT_FALSE(set->joined(0));
-  EXPECT_FALSE(set->joined(parts + 1));
+  EXPECT_TRUE(set->joined(parts + 1));
   EXPECT_FALSE(set->joined(parts + 2));
 
   const std::vector<TraceRay> rays = rays_at_terrain(n);
@@ -181,18 +181,19 @@ TEST(Resident, JoinedPartsFindTheBitsOfPartByPart) {
         one_by_one[k].part = kNone;
       }
       joined[k] = one_by_one[k];
-      if (active >> k & 1u)
-        for (std::uint32_t part = 1; part <= parts; ++part) set->intersect(part, ray, one_by_one[k]);
     }
+    for (std::uint32_t part = 1; part <= parts + 1; ++part)
+      set->intersect8(part, p, active, Coherence::any, one_by_one.data());
     ASSERT_TRUE(set->may_join(p));
     set->intersect_joined8(p, active, i % 16 ? Coherence::alike : Coherence::any, joined.data());
     std::uint32_t blocked = 0;
-    for (std::uint32_t part = 1; part <= parts; ++part) blocked |= set->occluded8(part, p, active);
+    for (std::uint32_t part = 1; part <= parts + 1; ++part) blocked |= set->occluded8(part, p, active);
     ASSERT_EQ(set->occluded_joined8(p, active), blocked);
     for (std::size_t k = 0; k < 8; ++k) {
       expect_same(one_by_one[k], joined[k]);
       ASSERT_EQ(joined[k].part, one_by_one[k].part);
       ASSERT_EQ(joined[k].index, one_by_one[k].index);
+      ASSERT_EQ(joined[k].instance, one_by_one[k].instance);
       hits += joined[k].part != kNone;
     }
   }
@@ -204,9 +205,9 @@ TEST(Resident, JoinedPartsFindTheBitsOfPartByPart) {
   EXPECT_FALSE(set->may_join(far));
 
   // Batches under way keep what they began with.
-  for (std::uint32_t k = 2; k <= parts; ++k) resident.unload_part(PartId{k});
+  for (std::uint32_t k = 2; k <= parts + 1; ++k) resident.unload_part(PartId{k});
   EXPECT_EQ(resident.snapshot()->joined_count(), 0u);
-  EXPECT_EQ(set->joined_count(), parts);
+  EXPECT_EQ(set->joined_count(), parts + 1);
 }
 
 // In every form of the BVH, and with what is known of other parts: the surface is one part, or three.

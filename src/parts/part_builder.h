@@ -22,9 +22,9 @@ inline constexpr std::uint64_t kBvhTriangle = 72;
 inline constexpr std::uint64_t kBvhTwoVertices = 9;
 inline constexpr std::uint64_t kBvhOther = 106;      // of one quadric or instance
 inline constexpr std::uint64_t kQuadricSphere = 16;  // what the tracer keeps beside the quadric
+inline constexpr std::uint64_t kInstanceObject = 88;    // what it keeps beside an instance's record
 // Embree's objects, which its memory monitor does not count.
 inline constexpr std::uint64_t kSceneObject = 4 << 10;  // of a part or prototype
-inline constexpr std::uint64_t kInstanceObject = 320;
 
 inline constexpr std::uint64_t kQuadric = kBvhOther + kQuadricSphere + sizeof(QuadricRecord);
 inline constexpr std::uint64_t kInstance = kBvhOther + kInstanceObject + sizeof(InstanceRecord);

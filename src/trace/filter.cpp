@@ -41,9 +41,14 @@ const LoadedPart& part_of(const QueryContext& context, const QueryContext::Lane&
 }
 
 // Of a triangle that a ray beside the true one has met: true if it is the best hit now.
-[[gnu::noinline]] bool take_beside(const LoadedPart& owner, QueryContext& context, unsigned lane, std::uint32_t index, std::uint32_t member) {
-  QueryContext::Lane found{0, kTriangles, index, kNone, 0, 0, 0, 0, member};
-  const Vec3 origin = context.origin(lane), direction = context.direction(lane);
+[[gnu::noinline]] bool take_beside(const LoadedPart& owner, QueryContext& context, unsigned lane, std::uint32_t instance,
+                                   std::uint32_t index) {
+  Vec3 origin = context.origin(lane), direction = context.direction(lane);
+  if (instance != kNone) {
+    origin = context.placed->point<float>(origin);
+    direction = context.placed->vector<float>(direction);
+  }
+  QueryContext::Lane found{0, kTriangles, index, instance, 0, 0, 0, 0, context.member};
   settle(owner, origin, direction, found);
   if (!(found.t > 0.f)) return false;
   if (owner.has_alpha() &&
@@ -74,12 +79,11 @@ void intersect_filter(const RTCFilterFunctionNArguments* args) {
       args->valid[i] = 0;
       continue;
     }
-    const std::uint32_t inst = RTCHitN_instID(args->hit, n, i, 0);
-    // Members of a joint scene have no instances.
-    const std::uint32_t instance = inst == RTC_INVALID_GEOMETRY_ID || context->joint ? kNone : inst - kFirstInstance;
+    static_assert(RTC_INVALID_GEOMETRY_ID == kNone);
+    const std::uint32_t instance = RTCHitN_instID(args->hit, n, i, 0);
     const std::uint32_t geometry = RTCHitN_geomID(args->hit, n, i), index = RTCHitN_primID(args->hit, n, i);
     if (context->beside) [[unlikely]] {
-      if (geometry == kTriangles && instance == kNone && take_beside(*owner, *context, lane, index, inst))
+      if (geometry == kTriangles && take_beside(*owner, *context, lane, instance, index))
         RTCRayN_tfar(args->ray, n, i) = reach(best.t);
       else
         args->valid[i] = 0;
@@ -91,13 +95,13 @@ void intersect_filter(const RTCFilterFunctionNArguments* args) {
       best.geometry = geometry;
       best.index = index;
       best.instance = instance;
-      best.member = inst;
+      best.member = context->member;
       context->unsettled |= 1u << lane;
       RTCRayN_tfar(args->ray, n, i) = reach(t);
       continue;
     }
     const LaneRay r = lane_ray(args->ray, n, i);  // in the space of an instance
-    QueryContext::Lane found{t, geometry, index, instance, 0, 0, RTCHitN_u(args->hit, n, i), RTCHitN_v(args->hit, n, i), inst};
+    QueryContext::Lane found{t, geometry, index, instance, 0, 0, RTCHitN_u(args->hit, n, i), RTCHitN_v(args->hit, n, i), context->member};
     if (geometry == kTriangles) settle(*owner, r.origin, r.direction, found);
     if (owner->has_alpha() &&
         !owner->opaque(geometry, index, found.u, found.v, r.origin, r.direction, found.t, false, *context->scene)) {

@@ -5,26 +5,27 @@
 namespace cloudrenderer {
 namespace {
 
-// A packet of Embree's goes on into a member as it is. Hits in there carry the member's number as that of an instance.
 void member_bounds(const RTCBoundsFunctionArguments* args) {
   const Bounds3& b = static_cast<const JointScene*>(args->geometryUserPtr)->bounds(args->primID);
   *args->bounds_o = {b.min.x, b.min.y, b.min.z, 0, b.max.x, b.max.y, b.max.z, 0};
 }
 
+// A packet of Embree's goes on into a member as it is; hits in there are told by the context whose they are.
+RTCScene enter(RTCIntersectContext* context, const void* joint, unsigned member) {
+  reinterpret_cast<QueryContext*>(context)->member = member;
+  return static_cast<const JointScene*>(joint)->member(member).scene();
+}
+
 void member_intersect(const RTCIntersectFunctionNArguments* args) {
   if (args->N != kLanes) return;  // only packets are traced here
-  args->context->instID[0] = args->primID;
-  rtcIntersect8(args->valid, static_cast<const JointScene*>(args->geometryUserPtr)->member(args->primID).scene(), args->context,
+  rtcIntersect8(args->valid, enter(args->context, args->geometryUserPtr, args->primID), args->context,
                 reinterpret_cast<RTCRayHit8*>(args->rayhit));
-  args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
 }
 
 void member_occluded(const RTCOccludedFunctionNArguments* args) {
   if (args->N != kLanes) return;
-  args->context->instID[0] = args->primID;
-  rtcOccluded8(args->valid, static_cast<const JointScene*>(args->geometryUserPtr)->member(args->primID).scene(), args->context,
+  rtcOccluded8(args->valid, enter(args->context, args->geometryUserPtr, args->primID), args->context,
                reinterpret_cast<RTCRay8*>(args->ray));
-  args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
 }
 
 // Embree's test of boxes around shapes that are not its own is off by a few roundings of the ray's origin and of its way.
@@ -40,7 +41,7 @@ std::shared_ptr<const JointScene> JointScene::build(std::shared_ptr<Device> devi
   float largest = 0;
   // The main scene is tested first for all rays, and is mostly a few large shapes.
   for (std::uint32_t i = 1; i < parts.size(); ++i) {
-    if (!parts[i] || !parts[i]->part().instances.empty() || !parts[i]->part().bricks.empty()) continue;
+    if (!parts[i] || !parts[i]->part().bricks.empty()) continue;
     RTCBounds b;
     rtcGetSceneBounds(parts[i]->scene(), &b);
     const Bounds3 box{{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};

@@ -8,9 +8,8 @@
 
 namespace cloudrenderer {
 
-// Of what is resident, the parts that hold no instances (whose numbers are those of the parts here). A packet goes through all
-// of them in one query, nearest first. Not instances of Embree's, whose boxes are tested too loosely to be watertight and
-// whose rays are transformed. Immutable; any thread.
+// Of what is resident, the parts without bricks, which single rays only collide with. A packet goes through all of them in one
+// query, nearest first. Immutable; any thread.
 class JointScene {
  public:
   // parts: by number, null where not resident. Null if there are fewer than two to join.
@@ -19,7 +18,7 @@ class JointScene {
   RTCScene scene() const { return scene_.get(); }
   bool has(std::uint32_t part) const { return part < has_.size() && has_[part]; }
   std::size_t count() const { return members_.size(); }
-  // By the instance number of a hit.
+  // By the number that the context of a query has while it is in there.
   const LoadedPart& member(std::uint32_t number) const { return *members_[number].loaded; }
   std::uint32_t part(std::uint32_t number) const { return members_[number].part; }
   const Bounds3& bounds(std::uint32_t number) const { return members_[number].bounds; }

@@ -68,9 +68,9 @@ bool enter(const LoadedPart::Moving& m, const QueryContext& context, const LaneR
   return traceable(o, d);
 }
 
-// Embree inverts an instance's matrix in float, by cofactors, whose products cancel where axes are of very different
-// lengths and turned: rays then meet another object than the box says, or the very surface that they leave. True where
-// the bound of that error is more than eight times what rounding the exact inverse would do.
+// Rays go into instances that stand still by a matrix in float, whose products cancel where axes are of very different lengths
+// and turned: rays then meet another object than the box says, or the very surface that they leave. True where the bound of
+// that error, as it is of an inverse by cofactors, is more than eight times what rounding the exact inverse would do.
 bool inverts_badly(const Mat4& matrix) {
   const Affine a(matrix);
   const auto cofactors = [&](int i, const glm::dmat3& m) { return glm::cross(m[(i + 1) % 3], m[(i + 2) % 3]); };
@@ -97,7 +97,7 @@ void moving_intersect(const RTCIntersectFunctionNArguments* args) {
     rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     // Hits in there carry this number, and the filter judges them as those of any instance.
-    args->context->instID[0] = kFirstInstance + m.instance;
+    args->context->instID[0] = m.instance;
     rtcIntersect1(m.prototype->scene(), args->context, &rh);
     args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
     if (rh.hit.geomID == RTC_INVALID_GEOMETRY_ID) continue;
@@ -113,7 +113,7 @@ void moving_occluded(const RTCOccludedFunctionNArguments* args) {
     if (!args->valid[i]) continue;
     RTCRay ray;
     if (!enter(m, *context, lane_ray(args->ray, args->N, i), RTCRayN_id(args->ray, args->N, i), ray)) continue;
-    args->context->instID[0] = kFirstInstance + m.instance;
+    args->context->instID[0] = m.instance;
     rtcOccluded1(m.prototype->scene(), args->context, &ray);
     args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
     if (ray.tfar < 0.f) RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
@@ -255,22 +255,6 @@ void LoadedPart::add_quadrics() {
   device_->check("quadrics");
 }
 
-void LoadedPart::add_instances() {
-  for (std::size_t i = 0; i < part_.instances.size(); ++i) {
-    const InstanceRecord& record = part_.instances[i];
-    if (record.prototype >= prototypes_.size() || !prototypes_[record.prototype])
-      throw ClusterError("part loaded before its prototype " + std::to_string(record.prototype));
-    if (moving_instance(static_cast<std::uint32_t>(i))) continue;
-    const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_INSTANCE));
-    rtcSetGeometryInstancedScene(g.get(), prototypes_[record.prototype]->scene());
-    rtcSetGeometryTimeStepCount(g.get(), 1);
-    rtcSetGeometryTransform(g.get(), 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR, &record.to_world.matrix()[0][0]);
-    rtcCommitGeometry(g.get());
-    rtcAttachGeometryByID(scene_.get(), g.get(), kFirstInstance + static_cast<unsigned>(i));
-  }
-  device_->check("instances");
-}
-
 void LoadedPart::add_moving() {
   std::span<const MotionRecord> motions = part_.motions;
   for (std::uint32_t i = 0; i < part_.instances.size(); ++i) {
@@ -297,7 +281,7 @@ void LoadedPart::add_moving() {
   rtcSetGeometryIntersectFunction(g.get(), moving_intersect);
   rtcSetGeometryOccludedFunction(g.get(), moving_occluded);
   rtcCommitGeometry(g.get());
-  rtcAttachGeometryByID(scene_.get(), g.get(), kFirstInstance + static_cast<unsigned>(part_.instances.size()));
+  rtcAttachGeometryByID(scene_.get(), g.get(), kMoving);
   device_->check("moving instances");
 }
 
@@ -315,7 +299,7 @@ void LoadedPart::add_bricks() {
   rtcSetGeometryIntersectFunction(g.get(), brick_intersect);
   rtcSetGeometryOccludedFunction(g.get(), brick_occluded);
   rtcCommitGeometry(g.get());
-  rtcAttachGeometryByID(scene_.get(), g.get(), kFirstInstance + 1 + static_cast<unsigned>(part_.instances.size()));
+  rtcAttachGeometryByID(scene_.get(), g.get(), kBricks);
   device_->check("bricks");
 }
 
@@ -368,7 +352,7 @@ void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t insta
 
 bool LoadedPart::opaque(unsigned geometry, std::uint32_t index, float u, float v, const Vec3& origin,
                         const Vec3& direction, float t, bool shadow, const SceneFunctions& scene) const {
-  if (geometry >= kFirstInstance || !scene.alpha) return true;  // a brick
+  if (geometry == kBricks || !scene.alpha) return true;
   if (geometry == kTriangles) {
     const MeshChunk& c = part_.chunk_of(index);
     const std::uint32_t texture = shadow && c.shadow_alpha_texture != kNone ? c.shadow_alpha_texture : c.alpha_texture;

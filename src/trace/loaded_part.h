@@ -1,17 +1,19 @@
 #pragma once
 // Inside src/trace only: a part with its BVH.
+#include <array>
 #include <memory>
 #include <vector>
 
+#include "parts/part_builder.h"
 #include "shapes/triangle_hit.h"
 #include "trace/embree.h"
 #include "trace/resident.h"
 
 namespace cloudrenderer {
 
-// Geometry numbers in every scene: triangles, quadrics, curves, then one for each instance, one more for those that move,
-// and the bricks.
-inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = kCurveHit, kFirstInstance = 3;
+// Geometry numbers in every scene: triangles, quadrics, curves, bricks, instances, those that move. A hit has never one of
+// the last two, but that of the shape in the instance, and the instance's number as Embree's hits in instances have.
+inline constexpr unsigned kTriangles = 0, kQuadrics = 1, kCurves = kCurveHit, kBricks = kBrickHit, kPlaced = 4, kMoving = 5;
 
 class LoadedPart {
  public:
@@ -26,8 +28,8 @@ class LoadedPart {
   }
   RTCScene scene() const { return scene_.get(); }
 
-  // An instance that moves, or stands still (no moves) where Embree could not take rays into its space exactly enough. To
-  // Embree it is a primitive of a user geometry, whose rays we take into its space ourselves, one by one: packets and
+  // An instance that moves, or stands still (no moves) where floats could not take rays into its space exactly enough. To
+  // Embree it is a primitive of a user geometry, whose rays we take into its space one by one, in double: packets and
   // single rays find the same bits, and shading has exactly the transformation that traced.
   struct Moving {
     std::uint32_t instance = 0;
@@ -38,8 +40,31 @@ class LoadedPart {
     Transform to_world(float time) const { return placed(fixed, moves, time); }
   };
   static_assert(sizeof(Moving) <= 320, "loaded_bytes::kMotion");
+  // An instance that stands still. Not one of Embree's: boxes around these are tested without slack, so that rays pass between
+  // two that touch, and its matrices are inverted by an estimate that differs between processors.
+  struct Placed {
+    std::array<Vec3, 3> axes;  // world to object: o = axes[0] x + axes[1] y + axes[2] z + offset
+    Vec3 offset;
+    std::uint32_t instance = 0;
+    const LoadedPart* prototype = nullptr;
+    Bounds3 bounds;
+    template <class F>
+    Vec3Of<F> turned(const Vec3Of<F>& d, const Vec3Of<F>& from) const {
+      const auto one = [&](int i) {
+        return lanes::fma(F(axes[0][i]), d.x, lanes::fma(F(axes[1][i]), d.y, lanes::fma(F(axes[2][i]), d.z, from[i])));
+      };
+      return {one(0), one(1), one(2)};
+    }
+    // The same operations for one ray and for eight.
+    template <class F>
+    Vec3Of<F> point(const Vec3Of<F>& p) const { return turned<F>(p, Vec3Of<F>(offset)); }
+    template <class F>
+    Vec3Of<F> vector(const Vec3Of<F>& d) const { return turned<F>(d, Vec3Of<F>(F(0.f))); }
+  };
+  static_assert(sizeof(Placed) <= loaded_bytes::kInstanceObject);
+  const Placed& placed_instance(std::uint32_t number) const { return placed_[number]; }
   const Moving& moving(std::uint32_t number) const { return moving_[number]; }
-  const Moving* moving_instance(std::uint32_t instance) const;  // null: an instance of Embree's
+  const Moving* moving_instance(std::uint32_t instance) const;  // null: one that stands still
   std::uint64_t bytes() const { return bytes_; }
   bool has_alpha() const { return has_alpha_; }
   // Curves (curves.cpp): a segment's hit, in the space of the part; its box.
@@ -63,7 +88,7 @@ class LoadedPart {
   }
 
   bool is_brick(std::uint32_t geometry, std::uint32_t instance) const {
-    return instance == kNone && !part_.bricks.empty() && geometry == kFirstInstance + 1 + part_.instances.size();
+    return instance == kNone && geometry == kBricks;
   }
   // Where the ray collides with the brick before t_far, or infinity.
   float collide(std::uint32_t brick, const Vec3& origin, const Vec3& direction, float t_far, const BrickRay& ray, bool shadow,
@@ -82,7 +107,7 @@ class LoadedPart {
   void add_curves();
   bool curve_is_opaque(std::uint32_t segment, float u, float v, const Vec3& origin, const Vec3& direction, bool shadow,
                        const SceneFunctions& scene) const;
-  void add_instances();
+  void add_instances();  // instances.cpp: those that stand still
   void add_moving();
   void add_bricks();
 
@@ -97,7 +122,8 @@ class LoadedPart {
   };
   std::vector<BoundingSphere> around_;  // of each quadric
   std::vector<glm::dmat3> curve_to_object_;  // of each group of curves
-  std::vector<Moving> moving_;          // in the order of instances
+  std::vector<Placed> placed_;          // in the order of instances
+  std::vector<Moving> moving_;          // likewise
   std::uint64_t shared_bytes_ = 0;  // arrays and objects that Embree's memory monitor does not see
   std::uint64_t bytes_ = 0;
   SceneHandle scene_;
@@ -132,7 +158,9 @@ class JointScene;
 struct QueryContext {
   RTCIntersectContext embree;  // first: Embree hands us its address
   const LoadedPart* part = nullptr;   // what is traced: one part,
-  const JointScene* joint = nullptr;  // or several
+  const JointScene* joint = nullptr;  // or several:
+  std::uint32_t member = 0;           // which of them the rays are in
+  const LoadedPart::Placed* placed = nullptr;  // the instance that they are in, if it stands still
   const SceneFunctions* scene = nullptr;
   // Embree's rays run beside the true ones, see each_beside(): only triangles count, by where the true ray meets them.
   bool beside = false;

@@ -66,7 +66,7 @@ class ResidentSet {
   // Bit mask of the active rays that are blocked.
   std::uint32_t occluded8(std::uint32_t part, const RayPacket& rays, std::uint32_t active) const;
 
-  // The same for parts that are joined under one tree, in one query: those without instances, where there are two at least.
+  // The same for parts that are joined under one tree, in one query: those without bricks, where there are two at least.
   // The same bits as part by part, in any order. For rays of which may_join() is true: none starts very far away.
   bool joined(std::uint32_t part) const;
   std::size_t joined_count() const;  // 0: none are
