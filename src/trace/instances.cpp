@@ -4,7 +4,6 @@
 #include <cstring>
 
 #include "base/error.h"
-#include "parts/spool.h"
 #include "trace/user_geometry.h"
 
 namespace cloudrenderer {
@@ -154,7 +153,7 @@ void LoadedPart::add_instances() {
     p.offset = Vec3(to_object.t);
     RTCBounds b;
     rtcGetSceneBounds(p.prototype->scene(), &b);
-    p.bounds = grown(moved_bounds(to_world, {}, {{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}}));
+    p.bounds = moved_bounds(to_world, {}, {{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}});
     if (p.bounds.empty()) continue;
     for (int a = 0; a < 3; ++a) largest = std::max({largest, std::abs(p.bounds.min[a]), std::abs(p.bounds.max[a])});
   }

@@ -334,7 +334,7 @@ void LoadedPart::ids(unsigned geometry, std::uint32_t index, std::uint32_t insta
   if (instance != kNone) {
     prototype(instance).ids(geometry, index, kNone, shape, primitive);
     shape += part_.instances[instance].first_shape;
-  } else if (is_brick(geometry, instance)) {
+  } else if (geometry == kBricks) {
     shape = part_.bricks[index].shape;
     primitive = part_.bricks[index].primitive;
   } else if (geometry == kTriangles) {

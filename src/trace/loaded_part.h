@@ -87,9 +87,6 @@ class LoadedPart {
     return misses;
   }
 
-  bool is_brick(std::uint32_t geometry, std::uint32_t instance) const {
-    return instance == kNone && geometry == kBricks;
-  }
   // Where the ray collides with the brick before t_far, or infinity.
   float collide(std::uint32_t brick, const Vec3& origin, const Vec3& direction, float t_far, const BrickRay& ray, bool shadow,
                 const SceneFunctions& scene) const;

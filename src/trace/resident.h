@@ -132,7 +132,7 @@ class Resident {
   std::shared_ptr<PartCache> cache_;
   std::shared_ptr<Device> device_;
   std::string isa_;
-  // Of its own, so that what a tree over parts takes (some hundred bytes a part) is not counted as a part's.
+  // Of its own, so that what a tree over parts takes is not counted as a part's.
   mutable std::shared_ptr<Device> joint_device_;
   mutable std::mutex mutex_;
   std::vector<Loaded> prototypes_;

@@ -98,7 +98,7 @@ void take_hit(const LoadedPart& part, std::uint32_t part_id, const QueryContext:
   hit.v = lane.v;
   hit.part = part_id;
   hit.instance = lane.instance;
-  hit.geometry = part.is_brick(lane.geometry, lane.instance) ? kBrickHit : lane.geometry;
+  hit.geometry = lane.geometry;
   hit.index = lane.index;
   part.ids(lane.geometry, lane.index, lane.instance, hit.shape, hit.primitive);
 }
