@@ -229,6 +229,27 @@ TEST_F(V4Scenes, PicturesOfAlbedosEndAtOne) {
                    "Material \"conductor\" \"texture eta\" \"t\" \"rgb k\" [1 1 1]"), 0.1722f, 2e-3f);
 }
 
+// Whatever paths see of a mirror behind a diffuse surface is what a rough one shows; seen by itself it stays a mirror.
+TEST_F(V4Scenes, RegularizedPathsSeeRoughMirrorsBehindDiffuseSurfaces) {
+  const auto shown = [&](bool regularize, const std::string& roughness, const std::string& view) {
+    const std::string integrator = "Integrator \"path\" \"integer maxdepth\" 3 \"bool regularize\" " + std::string(regularize ? "true" : "false") + "\n";
+    RenderedScene out = picture(integrator + view + "Camera \"perspective\" \"float fov\" 45\nSampler \"independent\" \"integer pixelsamples\" 16\n"
+        "Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 12\nWorldBegin\n" + std::string(kLamp) +
+        "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [9 9 9]\nTranslate 3 0 1\nShape \"sphere\" \"float radius\" .5\nAttributeEnd\n"
+        "Material \"diffuse\"\nShape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \"point3 P\" [-5 -5 -1  5 -5 -1  5 5 -1  -5 5 -1]\n"
+        "Material \"conductor\" \"bool remaproughness\" false \"float roughness\" " + roughness + "\n"
+        "Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \"point3 P\" [-2 3 -1  2 3 -1  2 3 3  -2 3 3]\n", Dialect::v4);
+    EXPECT_EQ(out.error, "");
+    EXPECT_EQ(out.warnings, "");
+    return out.pixels;
+  };
+  const std::string floor = "LookAt 0 0 4  0 0.01 0  0 1 0\n", mirror = "LookAt 0 0 1  0 3 1  0 0 1\n";
+  EXPECT_EQ(shown(true, "0", floor), shown(false, ".1", floor));
+  EXPECT_EQ(shown(true, ".1", floor), shown(false, ".2", floor));
+  EXPECT_NE(shown(false, "0", floor), shown(false, ".1", floor));
+  EXPECT_NE(shown(true, "0", mirror), shown(false, ".1", mirror));
+}
+
 TEST_F(V4Scenes, LampsThatAConstantMaskHidesShine) {
   const auto lit = [&](const std::string& alpha) {
     const auto scene = picture("LookAt 0 0 3 0 0 0 0 1 0\nCamera \"orthographic\" \"float screenwindow\" [-.1 .1 -.1 .1]\nFilm \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2 \"string filename\" \"x.exr\"\n"

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 #include <random>
 
+#include "film/aperture_image.h"
 #include "film/camera.h"
 #include "film/lens_system.h"
 #include "film_support.h"
@@ -179,6 +181,73 @@ TEST(RealisticCamera, RefusesWhatMakesNoPicture) {
   EXPECT_TRUE(warnings.list().empty());
   build({string("lensfile", file.path()), reals("aperturediameter", {50})});
   EXPECT_EQ(warnings.list().size(), 1u) << "the stop is only 20 mm wide";
+}
+
+// The share of an aperture in all of the square around its circle; all let as much through as the circle.
+TEST(ApertureImage, BuiltInShapes) {
+  const double circle = std::numbers::pi / 4;
+  const auto mean = [](const ApertureImage& a, auto counts) {
+    constexpr int kGrid = 512;
+    double sum = 0;
+    for (int i = 0; i < kGrid * kGrid; ++i) {
+      const glm::dvec2 p(2 * (i % kGrid + 0.5) / kGrid - 1, 2 * (i / kGrid + 0.5) / kGrid - 1);
+      if (counts(p)) sum += a.at(p);
+    }
+    return sum / (kGrid * kGrid);
+  };
+  const auto everywhere = [](const glm::dvec2&) { return true; };
+  for (const char* name : {"gaussian", "square", "pentagon", "star"})
+    EXPECT_NEAR(mean(ApertureImage::make(name, {}), everywhere), circle, 0.01) << name;
+  EXPECT_NEAR(ApertureImage::make("square", {}).at({0.4, -0.4}), circle / 0.25, 1e-3);
+  EXPECT_EQ(ApertureImage::make("square", {}).at({0.6, 0}), 0);
+  // exp(-r^2) - exp(-1)
+  const ApertureImage gaussian = ApertureImage::make("gaussian", {});
+  EXPECT_NEAR(gaussian.at({0.5, 0}) / gaussian.at({0, 0}), (std::exp(-0.25) - std::exp(-1)) / (1 - std::exp(-1)), 1e-3);
+  // One tip of the pentagon and its axis point down in the lens, a tip of the star to the side.
+  const ApertureImage pentagon = ApertureImage::make("pentagon", {}), star = ApertureImage::make("star", {});
+  EXPECT_GT(pentagon.at({0, -0.75}), 0);
+  EXPECT_EQ(pentagon.at({0, 0.75}), 0);
+  EXPECT_EQ(pentagon.at({0, -0.85}), 0);
+  EXPECT_GT(star.at({-0.9, 0}), 0);
+  EXPECT_EQ(star.at({0.9, 0}), 0);
+  EXPECT_EQ(star.at({0, 5}), 0);
+}
+
+TEST(ApertureImage, PicturesAreUprightInTheLens) {
+  const std::string path = testing::TempDir() + "aperture" + std::to_string(::getpid()) + ".pfm";
+  const auto write = [&](float top) {  // rows from the bottom up
+    const float rows[2][2][3]{{{0, 0, 0}, {0, 0, 0}}, {{top, top, top}, {0, 0, 3 * top}}};
+    std::ofstream(path, std::ios::binary).write("PF\n2 2\n-1\n", 10).write(reinterpret_cast<const char*>(rows), sizeof rows);
+  };
+  write(0.5f);
+  const ApertureImage made = ApertureImage::make(path, {});
+  for (const double x : {-0.5, 0.5}) EXPECT_NEAR(made.at({x, 0.5}), std::numbers::pi / 2, 1e-6);
+  EXPECT_EQ(made.at({0.5, -0.5}), 0);
+  write(0);
+  EXPECT_THROW(ApertureImage::make(path, {}), SceneError);  // black
+  std::remove(path.c_str());
+  EXPECT_THROW(ApertureImage::make(path, {}), SceneError);
+}
+
+// Points of light far out of focus are pictures of the aperture: a square stop of half the circle's width lights as much.
+TEST(RealisticCamera, HasApertures) {
+  const LensFile file(kConvex);
+  const auto weights = [&](std::vector<Param> more) {
+    std::vector<Param> params{string("lensfile", file.path()), reals("aperturediameter", {20}), reals("focusdistance", {5}),
+                              boolean("simpleweighting", false)};
+    for (Param& p : more) params.push_back(std::move(p));
+    Warnings warnings;
+    const auto camera = Camera::build(entity<CameraDesc>("realistic", std::move(params)), {90, 60, 0, 0, 90, 60}, Dialect::v3, warnings, 35.f);
+    EXPECT_TRUE(warnings.list().empty());
+    constexpr int kGrid = 200;
+    double sum = 0;
+    for (int i = 0; i < kGrid * kGrid; ++i) sum += static_cast<double>(camera->ray({45, 30}, Vec2(static_cast<float>(i % kGrid) + 0.5f, static_cast<float>(i / kGrid) + 0.5f) / float{kGrid}).weight);
+    return sum / (kGrid * kGrid);
+  };
+  const double round = weights({});
+  EXPECT_GT(round, 0);
+  for (const char* name : {"gaussian", "square", "pentagon", "star"}) EXPECT_NEAR(weights({string("aperture", name)}) / round, 1, 0.02) << name;
+  EXPECT_THROW(weights({string("aperture", "/no/such/file.png")}), SceneError);
 }
 
 }  // namespace

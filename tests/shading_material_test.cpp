@@ -186,6 +186,31 @@ TEST(Materials, CoatsAreLayersWhereTheyHaveNoFormula) {
   EXPECT_EQ(rough.shading->kind(0), 0u);
 }
 
+// What pbrt-v4's "regularize" makes of widths: nothing else, and nothing of other versions.
+TEST(Materials, RegularizedOnesHaveNoNarrowFacets) {
+  const auto lobes = [](const char* type, std::vector<Param> params, bool v4 = true) {
+    if (v4) params.push_back(string_param("roughnessmap", "none"));
+    MaterialDesc m = material(type, {});
+    for (Param& p : params) m.params.add(std::move(p));
+    const Built built({m}, Dialect::v3);
+    SurfacePoint p = plane();
+    return built.shading->bsdf(0, p, glm::normalize(Vec3(0.3f, 0.1f, 0.9f)), {}, true);
+  };
+  EXPECT_EQ(kinds(lobes("glass", {})), std::vector<K>{K::microfacet_dielectric});
+  EXPECT_FLOAT_EQ(lobes("glass", {}).lobe(0).alpha_x, 0.1f);
+  EXPECT_EQ(kinds(lobes("glass", {}, false)), std::vector<K>{K::specular_dielectric});
+  for (const auto& [before, after] : std::array<std::array<float, 2>, 6>{{{0, 0.1f}, {0.02f, 0.1f}, {0.08f, 0.16f}, {0.2f, 0.3f}, {0.3f, 0.3f}, {0.7f, 0.7f}}}) {
+    const Bsdf b = lobes("metal", {real_param("roughness", before)});
+    ASSERT_EQ(kinds(b), std::vector<K>{K::microfacet});
+    EXPECT_FLOAT_EQ(b.lobe(0).alpha_x, after);
+    EXPECT_FLOAT_EQ(b.lobe(0).alpha_y, after);
+  }
+  EXPECT_EQ(kinds(lobes("coateddiffuse", {})), (std::vector<K>{K::microfacet, K::layered}));
+  EXPECT_EQ(kinds(lobes("coatedconductor", {})), (std::vector<K>{K::microfacet, K::layered}));
+  EXPECT_EQ(kinds(lobes("thindielectric", {})), std::vector<K>{K::specular_dielectric});
+  EXPECT_EQ(kinds(lobes("matte", {})), std::vector<K>{K::lambert});
+}
+
 TEST(Materials, EstimatesDifferFromPointToPoint) {
   const Vec3 wo = glm::normalize(Vec3(0.3f, 0.1f, 0.9f)), wi = glm::normalize(Vec3(-0.2f, 0.5f, 0.7f));
   const MaterialDesc coated = material("coateddiffuse", {string_param("roughnessmap", "sqrt"), real_param("uroughness", 0.3f), real_param("vroughness", 0.3f)});

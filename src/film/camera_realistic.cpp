@@ -30,7 +30,8 @@ class RealisticCamera final : public Camera {
     CameraRay out;
     out.cone_spread = spread_;
     LensSystem::Ray through;
-    if (!lens_.trace_from_film({start, rear - start}, through)) {
+    const double share = lens_.trace_from_film({start, rear - start}, through);
+    if (share == 0) {
       // Light is lost in the lens: a ray of no weight that no one traces (traceable() refuses its origin).
       out.weight = 0;
       out.origin = Vec3(kInfinity);
@@ -39,7 +40,7 @@ class RealisticCamera final : public Camera {
     }
     const double cosine = (rear - start).z / glm::length(rear - start), cosine2 = cosine * cosine;
     const double against = simple_ ? lens_.pupil(0).area() : lens_.rear_z() * lens_.rear_z();
-    out.weight = static_cast<float>(open_ * cosine2 * cosine2 * pupil.area() / against);
+    out.weight = static_cast<float>(share * open_ * cosine2 * cosine2 * pupil.area() / against);
     out.origin = to_world_.point(Vec3(through.origin));
     out.direction = glm::normalize(to_world_.vector(Vec3(glm::normalize(through.direction))));
     return out;
@@ -70,7 +71,10 @@ std::unique_ptr<Camera> realistic_camera(const CameraDesc& desc, const Transform
   if (!(film_diagonal > 0.f && film_diagonal < kInfinity))
     throw SceneError(desc.location, "the film's \"diagonal\" must be above 0 millimetres");
   const double diagonal = film_diagonal * 1e-3;
-  LensSystem lens(LensSystem::read(file, aperture, desc.location, warnings), focus, diagonal, desc.location);
+  std::optional<ApertureImage> image;
+  if (const std::string shape = desc.params.string("aperture", ""); !shape.empty())
+    image = ApertureImage::make(shape, desc.params.find("aperture")->location);
+  LensSystem lens(LensSystem::read(file, aperture, desc.location, warnings), focus, diagonal, desc.location, std::move(image));
   return std::make_unique<RealisticCamera>(camera_to_world, frame, diagonal, std::move(lens), simple,
                                            desc.params.boolean("exposed", false) ? Shutter() : shutter_of(desc));
 }

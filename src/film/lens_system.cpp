@@ -43,19 +43,20 @@ bool refract(const glm::dvec3& direction, const glm::dvec3& n, double eta, glm::
 
 double index_of(double eta) { return eta != 0 ? eta : 1; }
 
-// Takes the ray through one element at z; false if it is stopped.
-bool pass(const LensSystem::Element& e, double z, double eta_from, double eta_to, LensSystem::Ray& ray) {
+// Takes the ray through one element at z; the share that passes, 0 if it is stopped. `aperture`: of a stop, or null.
+double pass(const LensSystem::Element& e, double z, double eta_from, double eta_to, const ApertureImage* aperture, LensSystem::Ray& ray) {
   const bool stop = e.curvature == 0;
   double t;
   glm::dvec3 n(0);
   if (stop) {
     t = (z - ray.origin.z) / ray.direction.z;
-    if (!(t >= 0)) return false;
+    if (!(t >= 0)) return 0;
   } else if (!meet_sphere(e.curvature, z - e.curvature, ray, t, n)) {
-    return false;
+    return 0;
   }
   ray.origin += t * ray.direction;
-  if (ray.origin.x * ray.origin.x + ray.origin.y * ray.origin.y > e.aperture_radius * e.aperture_radius) return false;
+  if (stop && aperture) return aperture->at(glm::dvec2(ray.origin) / e.aperture_radius);
+  if (ray.origin.x * ray.origin.x + ray.origin.y * ray.origin.y > e.aperture_radius * e.aperture_radius) return 0;
   return stop || refract(ray.direction, n, eta_from / eta_to, ray.direction);
 }
 
@@ -105,20 +106,20 @@ std::vector<LensSystem::Element> LensSystem::read(const std::string& path, doubl
 }
 
 LensSystem::LensSystem(std::vector<Element> elements, double focus_distance, double film_diagonal,
-                       const FileLocation& where)
-    : elements_(std::move(elements)), half_diagonal_(film_diagonal / 2) {
+                       const FileLocation& where, std::optional<ApertureImage> aperture)
+    : elements_(std::move(elements)), aperture_(std::move(aperture)), half_diagonal_(film_diagonal / 2) {
   elements_.back().thickness = focused(focus_distance, film_diagonal, where);
   find_pupils();
 }
 
-bool LensSystem::trace_from_film(const Ray& in, Ray& out) const {
+double LensSystem::trace_from_film(const Ray& in, Ray& out) const {
   out = in;
-  double z = 0;
-  for (std::size_t i = elements_.size(); i-- > 0;) {
+  double z = 0, share = 1;
+  for (std::size_t i = elements_.size(); share > 0 && i-- > 0;) {
     z += elements_[i].thickness;
-    if (!pass(elements_[i], z, index_of(elements_[i].eta), i > 0 ? index_of(elements_[i - 1].eta) : 1, out)) return false;
+    share *= pass(elements_[i], z, index_of(elements_[i].eta), i > 0 ? index_of(elements_[i - 1].eta) : 1, aperture_ ? &*aperture_ : nullptr, out);
   }
-  return true;
+  return share;
 }
 
 bool LensSystem::trace_from_scene(const Ray& in, Ray& out) const {
@@ -126,7 +127,7 @@ bool LensSystem::trace_from_scene(const Ray& in, Ray& out) const {
   double z = 0;
   for (const Element& e : elements_) z += e.thickness;
   for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (!pass(elements_[i], z, i > 0 ? index_of(elements_[i - 1].eta) : 1, index_of(elements_[i].eta), out)) return false;
+    if (pass(elements_[i], z, i > 0 ? index_of(elements_[i - 1].eta) : 1, index_of(elements_[i].eta), nullptr, out) == 0) return false;
     z -= elements_[i].thickness;
   }
   return true;
@@ -139,7 +140,7 @@ double LensSystem::focused(double distance, double film_diagonal, const FileLoca
   const double x = 1e-3 * film_diagonal;
   const Ray from_scene{{x, 0, front + 1}, {0, 0, -1}}, from_film{{x, 0, rear_z() - 1}, {0, 0, 1}};
   Ray to_film, to_scene;
-  if (!trace_from_scene(from_scene, to_film) || !trace_from_film(from_film, to_scene))
+  if (!trace_from_scene(from_scene, to_film) || trace_from_film(from_film, to_scene) == 0)
     throw SceneError(where, "the lens lets no ray through near its axis: is its aperture too small?");
   const Cardinal film(from_scene, to_film), scene(from_film, to_scene);
   focal_length_ = film.principal - film.focus;
@@ -155,7 +156,7 @@ double LensSystem::focused(double distance, double film_diagonal, const FileLoca
 bool LensSystem::reaches_scene(double film_x, const glm::dvec2& rear) const {
   Ray ignored;
   const glm::dvec3 start(film_x, 0, 0);
-  return trace_from_film({start, glm::dvec3(rear, rear_z()) - start}, ignored);
+  return trace_from_film({start, glm::dvec3(rear, rear_z()) - start}, ignored) > 0;
 }
 
 // Bounds of what reaches the scene from a film point, within `in`, to the precision of the halvings: along each row and

@@ -1,10 +1,12 @@
 #pragma once
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
 #include "base/log.h"
 #include "cloudrenderer/math.h"
+#include "film/aperture_image.h"
 
 namespace cloudrenderer {
 
@@ -36,13 +38,14 @@ class LensSystem {
                                    Warnings& warnings);
 
   // Moves the film so that points `focus_distance` in front of it are sharp (thick lens approximation, section 6.4.4).
-  // film_diagonal: metres. Throws SceneError{where} if the lens cannot focus there.
-  LensSystem(std::vector<Element> elements, double focus_distance, double film_diagonal, const FileLocation& where);
+  // film_diagonal: metres. aperture: of the stop, in place of a circle. Throws SceneError{where} if the lens cannot focus there.
+  LensSystem(std::vector<Element> elements, double focus_distance, double film_diagonal, const FileLocation& where,
+             std::optional<ApertureImage> aperture = std::nullopt);
 
   double rear_z() const { return elements_.back().thickness; }
   double focal_length() const { return focal_length_; }
-  // From the film towards the scene; false if the ray is stopped.
-  bool trace_from_film(const Ray& in, Ray& out) const;
+  // From the film towards the scene; the share that the aperture lets through, 0 if the ray is stopped.
+  double trace_from_film(const Ray& in, Ray& out) const;
   // Where on the rear element rays must go that reach the scene from a film point at this distance from the axis.
   const Pupil& pupil(double distance_from_axis) const;
 
@@ -55,6 +58,7 @@ class LensSystem {
   bool reaches_scene(double film_x, const glm::dvec2& rear) const;
 
   std::vector<Element> elements_;
+  std::optional<ApertureImage> aperture_;
   double focal_length_ = 0, half_diagonal_ = 0;
   std::vector<Pupil> pupils_;  // by distance from the axis, up to half the diagonal
 };

@@ -175,6 +175,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     job.integrator = IntegratorKind::path;
     job.light_vertices = v2 ? n + 1 : n;
     job.emission_vertex = n;
+    if (is_of_v4(scene) && !is_same_transport(type_given)) job.regularize = source->params.boolean("regularize", false);
   } else if (type == "directlighting" || type == "whitted") {
     job.integrator = IntegratorKind::direct;
     job.light_vertices = std::max(n, 1u);
@@ -206,6 +207,10 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   if (const std::string why = job.light_paths != LightPaths::none ? no_light_paths(scene, job) : ""; !why.empty()) {
     warnings.add(source->location, why + ": there are no paths from lights, and caustics are left to those from the camera");
     job.light_paths = LightPaths::none;
+  }
+  if (job.regularize && job.light_paths != LightPaths::none) {
+    warnings.add(source->location, "\"regularize\" is ignored where there are paths from lights (--light-paths)");
+    job.regularize = false;
   }
   Warnings said_later;  // by who renders with it
   job.lobes = Filter::build(scene.filter, said_later, scene.dialect)->lobes();

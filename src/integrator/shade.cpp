@@ -358,7 +358,7 @@ void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, con
   if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside))
     return enter(material, inside.medium, p, print, t);
   const Vec3 wo = -s.direction;
-  Bsdf bsdf = tracer.shading_->lobes(material, p, print);
+  Bsdf bsdf = tracer.shading_->lobes(material, p, print, is_regularized(s));
   if (bsdf.empty()) return end();
   if (eight && eight->take(bsdf, p, offset, s)) return;
   bsdf.finish(wo);

@@ -27,7 +27,8 @@ bool PathTracer::EightShader::take(std::size_t i) {
   if (hit.part == kNone) return take_escape(i);
   // A vertex that tells what it is: lanes have no formulas for that.
   if (tracer.job_.features && !(batch_.segments[i].flags & kSurfaceTold)) return false;
-  if (hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion)
+  if (hit.geometry != 0 || hit.instance != kNone || tracer.job_.integrator == IntegratorKind::ambient_occlusion ||
+      shader_.is_regularized(batch_.segments[i]))
     return false;
   if (part_number_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) find_chunk(hit);
   if (group_ == 0) return false;

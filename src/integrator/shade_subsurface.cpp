@@ -79,7 +79,7 @@ void PathTracer::Shader::enter(std::uint32_t material, const InteriorMedium& med
   const PathSegment& s = *path;
   if (s.has_light_ratio()) path->light_ratio() = 0;  // paths from lights end here
   const bool reversed = turn_normals(p, -s.direction);
-  const Bsdf bsdf = tracer.shading_->bsdf(material, p, -s.direction, footprint);
+  const Bsdf bsdf = tracer.shading_->bsdf(material, p, -s.direction, footprint, is_regularized(s));
   if (bsdf.empty()) return end();
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(s.vertex);
   ScatterOf<float> v = scatter_of(p, ray_offset(p.p, p.p_error, p.ng), -s.direction, s, numbers);

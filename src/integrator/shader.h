@@ -318,6 +318,8 @@ struct PathTracer::Shader {
   void walk(Hit hit);
   bool walk_meets(const Hit& hit, const Step& step);
   void leave(const SubsurfacePoint& at, const SurfacePoint& p);
+  // Mirrors and narrow lobes are widened at the path's vertex.
+  bool is_regularized(const PathSegment& s) const { return tracer.job_.regularize && (s.flags & kAnyNonSpecular); }
   // True if the path scatters no more at its vertex.
   bool is_over(const PathSegment& s) const { return (s.flags & kLastRay) || s.vertex >= tracer.job_.light_vertices; }
   // What happens where a path scatters, but for what scattered() does; `active` lanes only.

@@ -26,7 +26,7 @@ void rename_files(Entity& entity, const Rename& rename) {
   std::vector<Param> changed;
   for (const Param& p : entity.params.all()) {
     if (p.type != ParamType::string || p.strings.size() != 1 || p.strings[0].empty()) continue;
-    if (!is_file_parameter(p.name)) continue;
+    if (!is_file_parameter(p.name, p.strings[0])) continue;
     Param renamed = p;
     renamed.strings[0] = rename(p.strings[0], p.location);
     changed.push_back(std::move(renamed));

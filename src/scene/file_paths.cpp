@@ -62,11 +62,13 @@ std::string canonical_file(const std::string& path) {
   return failed ? path : p.string();
 }
 
-bool is_file_parameter(std::string_view name) {
-  static constexpr std::array<std::string_view, 9> kNames{
+bool is_file_parameter(std::string_view name, std::string_view value) {
+  static constexpr std::array<std::string_view, 10> kNames{
       "filename", "mapname",  "spdfile",    "bsdffile",
-      "lensfile", "specfile", "pointsfile", "emissionfilename", "normalmap"};
-  return std::find(kNames.begin(), kNames.end(), name) != kNames.end();
+      "lensfile", "specfile", "pointsfile", "emissionfilename", "normalmap", "aperture"};
+  static constexpr std::array<std::string_view, 4> kBuiltIn{"gaussian", "square", "pentagon", "star"};
+  if (name == "aperture" && std::ranges::find(kBuiltIn, value) != kBuiltIn.end()) return false;
+  return std::ranges::find(kNames, name) != kNames.end();
 }
 
 }  // namespace cloudrenderer

@@ -32,7 +32,7 @@ class FilePaths {
 std::string canonical_file(const std::string& path);
 
 // True for the parameters that name files to be read ("filename", "mapname", ...), which the parser
-// makes absolute.
-bool is_file_parameter(std::string_view name);
+// makes absolute. The shapes of an "aperture" that pbrt-v4 has built in are none.
+bool is_file_parameter(std::string_view name, std::string_view value);
 
 }  // namespace cloudrenderer

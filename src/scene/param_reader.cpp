@@ -148,8 +148,9 @@ std::optional<Param> ParamReader::read_one(Lexer& lexer, bool reads_files) {
     p.integers = booleans(lexer);
   } else if (row.type == ParamType::string || row.type == ParamType::texture) {
     p.strings = strings(lexer);
-    if (row.type == ParamType::string && reads_files && is_file_parameter(p.name))
-      for (std::string& s : p.strings) s = paths_.find(s, *lexer.source().name(), p.location);
+    for (std::string& s : p.strings)
+      if (row.type == ParamType::string && reads_files && is_file_parameter(p.name, s))
+        s = paths_.find(s, *lexer.source().name(), p.location);
   } else if (row.spelling == Spelling::spectrum) {
     p.reals = spectrum(lexer, p);
   } else {

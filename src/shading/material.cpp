@@ -97,6 +97,10 @@ bsdf::Microfacets Roughness::operator()(const TexturePoint& at) const {
     u = bsdf::roughness_to_alpha(u);
     v = isotropic_ ? u : bsdf::roughness_to_alpha(v);
   }
+  if (widens(at)) {
+    for (float* const width : {&u, &v})
+      if (!(*width >= 0.3f)) *width = std::clamp(2.f * *width, 0.1f, 0.3f);
+  }
   return bsdf::trowbridge_reitz(u, v);
 }
 

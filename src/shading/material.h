@@ -52,13 +52,14 @@ class Shading {
   virtual bool is_null(std::uint32_t material) const = 0;
 
   // The lobes at a point, for which Bsdf::finish() is still to be called. Applies the bump map (changes point.ns and the
-  // tangents). material may be kNone (0xffffffff): black.
-  virtual Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const = 0;
+  // tangents). material may be kNone (0xffffffff): black. regularized: mirrors and glass of pbrt-v4 are rough, and what is
+  // narrow is twice as wide, from 0.1 to 0.3.
+  virtual Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint, bool regularized = false) const = 0;
   // Brings what lobes() reads without a footprint into the cache. False: that is not worth to wait for.
   virtual bool prefetch(std::uint32_t material, const SurfacePoint& point) const = 0;
   // The scattering at a point; `wo` is the unit direction back along the ray.
-  Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo, const Footprint& footprint) const {
-    Bsdf b = lobes(material, point, footprint);
+  Bsdf bsdf(std::uint32_t material, SurfacePoint& point, const Vec3& wo, const Footprint& footprint, bool regularized = false) const {
+    Bsdf b = lobes(material, point, footprint, regularized);
     b.finish(wo);
     return b;
   }

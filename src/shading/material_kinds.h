@@ -120,6 +120,7 @@ class Roughness {
   static Roughness two_axes(MaterialInputs& in, float otherwise, std::string_view prefix = "");
 
   bool smooth(const TexturePoint& at) const {
+    if (widens(at)) return false;
     const float widest = std::max(u_(at), v_(at));
     return v4_ ? widest < (root_ ? 1e-6f : 1e-3f) : widest == 0.f && u_(at) == v_(at);
   }
@@ -128,6 +129,7 @@ class Roughness {
 
  private:
   Roughness(MaterialInputs& in, const TexturedFloat& u, const TexturedFloat& v);
+  bool widens(const TexturePoint& at) const { return v4_ && at.regularized; }
 
   TexturedFloat u_, v_;
   Dialect dialect_;

@@ -109,9 +109,9 @@ class SceneShading final : public Shading {
   }
 
   using Shading::bsdf;
-  Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint) const override {
+  Bsdf lobes(std::uint32_t material, SurfacePoint& point, const Footprint& footprint, bool regularized) const override {
     const MaterialRecord* r = material < records_.size() ? &chosen(records_[material], point, footprint) : nullptr;
-    if (r && (r->textured || r->bends())) return textured(*r, point, footprint);
+    if (r && r->material && (r->textured || r->bends() || regularized)) return textured(*r, point, footprint, regularized);
     Bsdf b(r && r->tangents ? tangent_frame(point) : Frame(point.ns), deciding_normal(point));
     if (r) b.add(std::span<const Lobe>(r->lobes));
     if (r && r->estimated) b.set_salt(salt(point.p));
@@ -170,12 +170,13 @@ class SceneShading final : public Shading {
     return *r;
   }
   const Vec3& deciding_normal(const SurfacePoint& point) const { return by_shading_normals_ ? point.ns : point.ng; }
-  Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Footprint& footprint) const {
-    const TexturePoint at(point, footprint);
+  Bsdf textured(const MaterialRecord& r, SurfacePoint& point, const Footprint& footprint, bool regularized) const {
+    TexturePoint at(point, footprint);
+    at.regularized = regularized;
     if (r.has_bump) bump(r.bump, at, bump_step_, point);
     if (r.has_normal_map) map_normal(r.normal_map, at, point);
     Bsdf b(r.tangents ? tangent_frame(point) : Frame(point.ns), deciding_normal(point));
-    if (r.textured) {
+    if (r.textured || regularized) {
       LobeSink sink(b);
       r.material->add_lobes(at, sink);
     } else {

@@ -22,6 +22,7 @@ struct TexturePoint {
   Vec2 uv{};
   Vec3 dpdx{}, dpdy{};  // zero: no filtering
   Vec2 duvdx{}, duvdy{};
+  bool regularized = false;  // narrow microfacets are widened, see Shading::lobes
 
   TexturePoint() = default;
   TexturePoint(const SurfacePoint& point, const Footprint& footprint);

@@ -19,7 +19,7 @@ constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
 // Flags of a job; of LightPaths and MediaTransport the lowest of two bits.
 constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4, kJobMedia = 16, kJobBoundaries = 64,
-                        kJobUnknown = ~127u;
+                        kJobRegularize = 128, kJobUnknown = ~255u;
 constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they are");
@@ -115,6 +115,7 @@ CheckpointJob checkpoint_job(std::uint64_t split, const JobSettings& s) {
   job.light_paths = s.light_paths;
   job.media = s.media;
   job.subsurface = s.subsurface;
+  job.regularize = s.regularize;
   return job;
 }
 
@@ -155,6 +156,7 @@ std::optional<std::string> difference(const CheckpointJob& made, const Checkpoin
     return differs("paths from lights", name_of(made.light_paths), name_of(now.light_paths)) + " (--light-paths)";
   if (made.media != now.media || made.subsurface != now.subsurface)
     return "light in media or below surfaces in another way (--integrator)";
+  if (made.regularize != now.regularize) return std::string(made.regularize ? "" : "not ") + "regularized, this render the other way (--integrator)";
   if (made.negative_lobes != now.negative_lobes) return "samples of the filter's negative lobes summed in another way";
   if (made.split != now.split)
     return differs("split", fmt::format("{:016x}", made.split), fmt::format("{:016x}", now.split)) +
@@ -181,7 +183,7 @@ Bytes encode_header(const CheckpointJob& job) {
   put(out, job.footprint_spp);
   put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u) |
                kJobLightPaths * static_cast<std::uint32_t>(job.light_paths) | kJobMedia * static_cast<std::uint32_t>(job.media) |
-               (job.subsurface ? 0u : kJobBoundaries));
+               (job.subsurface ? 0u : kJobBoundaries) | (job.regularize ? kJobRegularize : 0u));
   put(out, hash(out));
   static_assert(kCheckpointHeaderBytes == 8 + 2 * 4 + 3 * 8 + 6 * 4 + 10 * 4 + 8);
   return out;
@@ -225,6 +227,7 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   job.light_paths = static_cast<LightPaths>(flags / kJobLightPaths % 4);
   job.media = static_cast<MediaTransport>(flags / kJobMedia % 4);
   job.subsurface = (flags & kJobBoundaries) == 0;
+  job.regularize = (flags & kJobRegularize) != 0;
   if (f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 || f.y0 >= f.y1 ||
       f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || (flags & kJobUnknown) != 0 || job.light_paths > LightPaths::all ||
       integrator > static_cast<std::uint32_t>(IntegratorKind::ambient_occlusion))

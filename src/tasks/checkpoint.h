@@ -58,6 +58,7 @@ struct CheckpointJob {
   LightPaths light_paths = LightPaths::none;
   MediaTransport media = MediaTransport::none;
   bool subsurface = true;
+  bool regularize = false;
   friend bool operator==(const CheckpointJob&, const CheckpointJob&) = default;
 };
 // Tile and fingerprint are the cluster's, and left out.
