@@ -136,6 +136,26 @@ TEST(PartFile, FindsChunkAndSourceTriangle) {
   EXPECT_EQ(part.chunks[1].primitive_ids, kNone);
 }
 
+TEST(PartFile, FindsTheSameChunkWithAGuide) {
+  for (const std::vector<std::uint32_t>& sizes : std::vector<std::vector<std::uint32_t>>{
+           {1}, {1, 1}, {1000, 1}, {1, 1000}, {3, 1, 400, 1, 1, 1, 1, 1, 7, 90}, std::vector<std::uint32_t>(300, 2), {1, 50000, 1, 1, 1, 3}}) {
+    PartBuilder b;
+    const std::vector<Vec3> positions{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    std::uint32_t shape = 0;
+    for (const std::uint32_t n : sizes) {
+      const std::vector<Triangle> triangles(n, Triangle(0, 1, 2));
+      MeshChunk attributes;
+      attributes.shape = shape++;
+      b.add_chunk(attributes, {positions, {}, {}, triangles, {}});
+    }
+    const Part plain = b.build();
+    Part guided = plain;
+    guided.guide_chunks();
+    EXPECT_LE(guided.chunk_guide.size() * sizeof(std::uint32_t), 16 * sizes.size() + 8) << sizes.size();
+    for (std::uint32_t i = 0; i < plain.triangles.size(); ++i) ASSERT_EQ(guided.chunk_of(i).shape, plain.chunk_of(i).shape) << i;
+  }
+}
+
 TEST(PartFile, LetsEmbreeReadBehindThePositions) {
   const Part part = example().build();
   const auto* end =

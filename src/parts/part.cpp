@@ -3,6 +3,7 @@
 #include <xxhash.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <system_error>
@@ -169,6 +170,18 @@ SurfacePoint curve_point(const CurveArrays& curves, std::uint32_t segment, const
 std::span<const MotionRecord> motions_of(std::span<const MotionRecord> all, std::uint32_t instance) {
   const auto found = std::ranges::equal_range(all, instance, {}, &MotionRecord::instance);
   return {found.begin(), found.end()};
+}
+
+void Part::guide_chunks() {
+  if (chunks.size() < 2 || triangles.empty()) return;
+  chunk_block = static_cast<unsigned>(std::bit_width(triangles.size() / (4 * chunks.size())));
+  chunk_guide.clear();
+  std::uint32_t chunk = 0;
+  for (std::size_t first = 0; first < triangles.size(); first += std::size_t{1} << chunk_block) {
+    while (chunk + 1 < chunks.size() && chunks[chunk + 1].first_triangle <= first) ++chunk;
+    chunk_guide.push_back(chunk);
+  }
+  chunk_guide.push_back(static_cast<std::uint32_t>(chunks.size() - 1));
 }
 
 Result<Part> read_part(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {

@@ -144,9 +144,20 @@ struct Part {
   std::shared_ptr<const void> owner;
   std::uint64_t checksum = 0;  // of the file; 0: made in memory
 
-  // The chunk that holds a triangle: a binary search.
+  // The chunks that blocks of 2^chunk_block triangles begin in, and the last chunk: by guide_chunks(), at most 16 bytes a
+  // chunk; empty: not made.
+  std::vector<std::uint32_t> chunk_guide;
+  unsigned chunk_block = 0;
+  void guide_chunks();
+
+  // The chunk that holds a triangle: a binary search, with a guide among those of its block.
   const MeshChunk& chunk_of(std::uint32_t triangle) const {
     std::size_t lo = 0, hi = chunks.size();
+    if (!chunk_guide.empty()) {
+      const std::size_t block = triangle >> chunk_block;
+      lo = chunk_guide[block];
+      hi = chunk_guide[block + 1] + 1;
+    }
     while (hi - lo > 1) {
       const std::size_t mid = (lo + hi) / 2;
       (chunks[mid].first_triangle <= triangle ? lo : hi) = mid;

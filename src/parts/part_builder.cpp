@@ -184,7 +184,7 @@ std::uint64_t PartBuilder::predicted_bytes() const {
          bvh_base(instances_.size()) + triangles_.size() * (kBvhTriangle + sizeof(Triangle)) +
          vertices * kBvhTwoVertices / 2 + (positions_.size() + normals_.size()) * sizeof(Vec3) +
          uvs_.size() * sizeof(Vec2) + primitive_ids_.size() * sizeof(std::uint32_t) +
-         chunks_.size() * sizeof(MeshChunk) + quadrics_.size() * kQuadric +
+         chunks_.size() * kChunk + quadrics_.size() * kQuadric +
          instances_.size() * kInstance + bvh_base(curve_segments_.size()) + curve_segments_.size() * kCurveSegment +
          curves_.size() * sizeof(CurveRecord) + (curve_points_.size() + curve_normals_.size()) * sizeof(Vec3) +
          curve_groups_.size() * kCurveGroup + motions_.size() * kMotion + bvh_base(bricks_.size()) +

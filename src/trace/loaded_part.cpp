@@ -172,8 +172,10 @@ LoadedPart::LoadedPart(std::shared_ptr<Device> device, Part part, std::vector<st
                           std::ranges::any_of(part_.curves.groups, masked) ||
                           std::ranges::any_of(part_.curves.groups, [](const CurveGroup& g) { return g.shadow_alpha_texture != kNone; }) ||
                           std::ranges::any_of(part_.chunks, [](const MeshChunk& c) { return c.shadow_alpha_texture != kNone; });
+  part_.guide_chunks();
   shared_bytes_ = part_.positions.size_bytes() + part_.normals.size_bytes() + part_.uvs.size_bytes() +
                   part_.triangles.size_bytes() + part_.primitive_ids.size_bytes() + part_.chunks.size_bytes() +
+                  part_.chunk_guide.size() * sizeof(std::uint32_t) +
                   part_.quadrics.size_bytes() + part_.instances.size_bytes() + loaded_bytes::kSceneObject +
                   part_.quadrics.size() * sizeof(BoundingSphere) + part_.curves.size_bytes() +
                   part_.curves.groups.size() * sizeof(glm::dmat3) + part_.motions.size_bytes() +
