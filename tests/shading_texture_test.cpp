@@ -388,7 +388,7 @@ TEST(TexturePoint, FindsTheFootprintInUv) {
   SurfacePoint s;
   s.dpdu = {2, 0, 0};
   s.dpdv = {1, 4, 0};
-  const TexturePoint at(s, {{2, 0, 0}, {1, 4, 0}});
+  const TexturePoint at(s, Footprint(s, {2, 0, 0}, {1, 4, 0}));
   EXPECT_NEAR(at.duvdx.x, 1.f, 1e-6f);
   EXPECT_NEAR(at.duvdx.y, 0.f, 1e-6f);
   EXPECT_NEAR(at.duvdy.x, 0.f, 1e-6f);

@@ -8,6 +8,8 @@
 #include <random>
 #include <vector>
 
+#include <glm/gtc/quaternion.hpp>
+
 namespace cloudrenderer {
 namespace {
 
@@ -291,6 +293,55 @@ TEST(Resident, LampsLoseNoHitToTheTestAroundThem) {
       ASSERT_EQ(hit.t, exact.t) << "seed " << seed << " ray " << i;
     }
     ++(found ? hits : misses);
+  }
+  EXPECT_GT(hits, 50000);
+  EXPECT_GT(misses, 50000);
+}
+
+// Likewise of disks, which are flat: rays by their rims, nearly in their planes, and from nearly there.
+TEST(Resident, DisksLoseNoHitToTheTestAroundThem) {
+  prepare_compute_thread();
+  const std::uint32_t seed = 6;
+  std::mt19937 rng(seed);
+  std::uniform_real_distribution<float> u(-1, 1);
+  const auto point = [&] { return Vec3(u(rng), u(rng), u(rng)); };
+  int hits = 0, misses = 0;
+  for (int round = 0; round < 200; ++round) {
+    QuadricRecord disk;
+    disk.quadric.kind = QuadricKind::disk;
+    disk.quadric.radius = 2;
+    disk.quadric.height = disk.quadric.z_min = disk.quadric.z_max = 0.5f;
+    const float far = round % 2 ? 1000.f : 3.f;
+    const Vec3 place = far * point();
+    const glm::mat3 turn(glm::mat3_cast(glm::normalize(glm::quat(1.f + u(rng), u(rng), u(rng), u(rng)))));
+    const glm::mat3 m = turn * glm::mat3(std::exp(u(rng)), 0, 0, u(rng), std::exp(u(rng)), 0, u(rng), 0, 1);
+    const Mat4 matrix(glm::vec4(m[0], 0), glm::vec4(m[1], 0), glm::vec4(m[2], 0), glm::vec4(place, 1));
+    disk.quadric.object_to_world = Transform(matrix, glm::inverse(matrix));
+    auto lamp = std::make_shared<Arrays>();
+    lamp->quadrics.push_back(disk);
+    Resident resident({});
+    resident.load_part(PartId{1}, as_part(lamp));
+    const auto set = resident.snapshot();
+    const auto in_plane = [&](float radius) {
+      const float angle = kPi * u(rng);
+      return place + m * Vec3(radius * std::cos(angle), radius * std::sin(angle), 0.5f);
+    };
+    const Vec3 normal = glm::normalize(glm::cross(m[0], m[1]));
+    for (int i = 0; i < 1000; ++i) {
+      const Vec3 target = in_plane(2.f * (i % 3 == 0 ? std::sqrt(std::fabs(u(rng))) : 1.f + 1e-6f * u(rng)));
+      const std::array<Vec3, 3> origins{place + 20.f * point(), in_plane(5.f * u(rng)) + 1e-4f * u(rng) * normal, in_plane(2.f * u(rng)) + 1e-6f * u(rng) * normal};
+      const Vec3 origin = origins[static_cast<std::size_t>(i) % 3];
+      const Vec3 direction = glm::normalize(i % 7 == 0 ? point() : target - origin);
+      const float t_max = i % 5 == 0 ? 3.f * std::fabs(u(rng)) : kInfinity;
+      QuadricHit exact;
+      const bool found = intersect(disk.quadric, origin, direction, 0.f, t_max, exact);
+      Hit hit;
+      ASSERT_EQ(set->intersect(1, {origin, t_max, direction}, hit), found) << "seed " << seed << " disk " << round << " ray " << i;
+      if (found) {
+        ASSERT_EQ(hit.t, exact.t) << "seed " << seed << " disk " << round << " ray " << i;
+      }
+      ++(found ? hits : misses);
+    }
   }
   EXPECT_GT(hits, 50000);
   EXPECT_GT(misses, 50000);

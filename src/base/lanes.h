@@ -5,8 +5,10 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 
 #include "cloudrenderer/math.h"
 #ifdef __AVX2__
@@ -242,6 +244,21 @@ inline void transpose(std::array<Float8, 8>& rows) {
   for (std::size_t i = 0; i < 4; ++i) {
     rows[i].v = __builtin_shufflevector(b[i], b[i + 4], 0, 1, 2, 3, 8, 9, 10, 11);
     rows[i + 4].v = __builtin_shufflevector(b[i], b[i + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+  }
+}
+
+// Eight things of what holds them in lanes: both consist of nothing but numbers, a multiple of eight.
+template <class One, class Eight>
+void take_apart(const Eight& eight, std::array<One, 8>& out) {
+  constexpr std::size_t kRow = 8 * sizeof(float);
+  static_assert(std::is_trivially_copyable_v<One> && std::is_trivially_copyable_v<Eight>);
+  static_assert(sizeof(Eight) == 8 * sizeof(One) && sizeof(One) % kRow == 0);
+  for (std::size_t row = 0; row < sizeof(One) / kRow; ++row) {
+    std::array<Float8, 8> numbers;
+    std::memcpy(static_cast<void*>(&numbers), reinterpret_cast<const std::byte*>(&eight) + row * sizeof numbers, sizeof numbers);
+    transpose(numbers);
+    for (std::size_t i = 0; i < 8; ++i)
+      std::memcpy(reinterpret_cast<std::byte*>(&out[i]) + row * kRow, &numbers[i], kRow);
   }
 }
 

@@ -82,7 +82,7 @@ void PathTracer::Shader::tell_surface(const Hit& hit, std::uint32_t material, co
   PathSegment& s = *path;
   const Vec3 wo = -s.direction;
   SurfacePoint bumped = p;
-  const Footprint print = tracer.footprint_ ? footprint(p, hit.t) : Footprint{};
+  const Footprint print = footprint(p, hit.t);
   const Bsdf bsdf = tracer.shading_->bsdf(material, bumped, wo, print);
   SubsurfacePoint inside;
   const bool subsurface = tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside);

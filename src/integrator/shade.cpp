@@ -81,24 +81,25 @@ SurfacePoint PathTracer::surface(const ResidentSet& set, const Vec3& origin, con
 }
 
 // The pixel's cone cut by the tangent plane: stretched along the ray by 1 / cos.
-Footprint PathTracer::Shader::footprint(const SurfacePoint& p, float t) const {
-  const PathSegment& s = *path;
-  if (s.has_light_ratio()) return {};
-  const float width = s.cone_width + s.cone_spread * t;
-  if (!(width > 0.f)) return {};
-  const Vec3 wo = -s.direction;
-  const float cosine = std::max(std::fabs(glm::dot(wo, p.ng)), 0.01f);
-  Vec3 along = s.direction - p.ng * glm::dot(s.direction, p.ng);
-  const float length = glm::length(along);
-  Vec3 a, b;
-  if (length > 1e-4f) {
-    a = along / length;
-    b = glm::cross(p.ng, a);
-  } else {
-    orthonormal_basis(p.ng, a, b);
+template <class F>
+FootprintOf<F> PathTracer::Shader::footprint_of(const SurfacePointOf<F>& p, const Vec3Of<F>& direction, F width) {
+  const MaskOf<F> known = width > 0.f;
+  if (lanes::none(known)) return {};
+  const F cosine = lanes::max(lanes::abs(glm::dot(-direction, p.ng)), F(0.01f));
+  const Vec3Of<F> along = direction - p.ng * glm::dot(direction, p.ng), nothing(F(0.f));
+  const F length = lanes::sqrt(glm::dot(along, along));
+  Vec3Of<F> a = along / length, b = glm::cross(p.ng, a);
+  const MaskOf<F> aslant = length > 1e-4f;
+  if (lanes::any(!aslant)) {
+    Vec3Of<F> x, y;
+    orthonormal_basis(p.ng, x, y);
+    a = lanes::select(aslant, a, x);
+    b = lanes::select(aslant, b, y);
   }
-  return {a * (width / cosine), b * width};
+  return {p, lanes::select(known, a * (width / cosine), nothing), lanes::select(known, b * width, nothing)};
 }
+template FootprintOf<float> PathTracer::Shader::footprint_of(const SurfacePoint&, const Vec3&, float);
+template FootprintOf<Float8> PathTracer::Shader::footprint_of(const SurfacePointOf<Float8>&, const Vec3x8&, Float8);
 
 void PathTracer::Shader::end() {
   const PathSegment& s = *path;
@@ -347,14 +348,17 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     return;
   }
   if (is_over(s)) return end();
-  if (eight && eight->take_textured(material, p, offset, s)) return;
-  scatter_at(material, p, offset, hit);
+  scatter_or_wait(material, p, offset, footprint(p, hit.t), hit);
 }
 
-void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Hit& hit) {
+void PathTracer::Shader::scatter_or_wait(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Footprint& print, const Hit& hit) {
+  if (eight && eight->take_textured(material, p, offset, print, *path)) return;
+  scatter_at(material, p, offset, print, hit);
+}
+
+void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Footprint& print, const Hit& hit) {
   const PathSegment& s = *path;
   const float t = hit.t;
-  const Footprint print = tracer.footprint_ ? footprint(p, t) : Footprint{};
   if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside))
     return enter(material, inside.medium, p, print, t);
   const Vec3 wo = -s.direction;

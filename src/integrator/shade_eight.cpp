@@ -1,6 +1,7 @@
 // Vertices eight at once: gathers what the formulas of shade.cpp need into lanes.
 #include <algorithm>
 #include <cstddef>
+#include <utility>
 
 #include "integrator/shader.h"
 #include "shading/bsdf_lobes.h"
@@ -15,6 +16,16 @@ std::uint32_t kind_of(const Lobe& l) {
                static_cast<std::uint32_t>(l.fresnel) << 16 | static_cast<std::uint32_t>(l.transmits) << 24 |
                static_cast<std::uint32_t>(l.scale_radiance) << 25);
 }
+
+constexpr std::size_t kPointsOnly = 4;  // groups before this: see EightShader::groups_
+
+// What goes with a point, in as many numbers as a transposition takes.
+template <class F>
+struct AroundOf {
+  Vec3Of<F> offset{};  // see ray_offset
+  FootprintOf<F> print;
+  Vec3Of<F> unused{};
+};
 
 }  // namespace
 
@@ -31,7 +42,7 @@ bool PathTracer::EightShader::take(std::size_t i) {
       shader_.is_regularized(batch_.segments[i]))
     return false;
   if (part_number_ != hit.part || hit.index - chunk_->first_triangle >= chunk_->triangle_count) find_chunk(hit);
-  if (group_ == 0) return false;
+  if (alone_) return false;
   if (shader_.is_over(batch_.segments[i])) {
     shader_.begin(batch_.segments[i]);
     shader_.end();
@@ -41,7 +52,9 @@ bool PathTracer::EightShader::take(std::size_t i) {
   group.segments[group.count] = i;
   group.chunks[group.count] = chunk_;
   group.parts[group.count] = part_;
-  if (++group.count == kLanes) shade(group_, group);
+  if (++group.count < kLanes) return true;
+  if (group_ < kPointsOnly) scatter_points(group_, group);
+  else shade(group_, group);
   return true;
 }
 
@@ -49,17 +62,20 @@ void PathTracer::EightShader::find_chunk(const Hit& hit) {
   part_number_ = hit.part;
   part_ = &shader_.set.part(hit.part);
   chunk_ = &part_->chunk_of(hit.index);
-  // pbrt-v2 takes the side of a triangle from its uv map; nothing else here needs one.
-  const bool uvs = chunk_->first_uv != kNone && shader_.tracer.dialect_ == Dialect::v2;
-  const std::uint32_t material = chunk_->light == kNone ? shader_.tracer.shading_->kind(chunk_->material) : 0;
-  group_ = material ? 4 * std::size_t{material} + (chunk_->first_normal != kNone ? 2 : 0) + (uvs ? 1 : 0) : 0;
+  const Shading& shading = *shader_.tracer.shading_;
+  alone_ = chunk_->light != kNone || shading.is_null(chunk_->material);
+  if (alone_) return;
+  const std::size_t kind = shading.kind(chunk_->material);
+  // pbrt-v2 takes the side of a triangle from its uv map; else constant materials need none.
+  const bool uvs = chunk_->first_uv != kNone && (kind == 0 || shader_.tracer.dialect_ == Dialect::v2);
+  group_ = 4 * kind + (chunk_->first_normal != kNone ? 2 : 0) + (uvs ? 1 : 0);
 }
 
-bool PathTracer::EightShader::take_textured(std::uint32_t material, const SurfacePoint& p, const Vec3& offset, const PathSegment& s) {
+bool PathTracer::EightShader::take_textured(std::uint32_t material, const SurfacePoint& p, const Vec3& offset, const Footprint& print,
+                                            const PathSegment& s) {
   // Filtered textures are those of camera rays, which are neighbours and find their texels in the cache.
-  const bool filtered = !s.has_light_ratio() && (s.cone_width > 0.f || s.cone_spread > 0.f);
-  if (filtered || !shader_.tracer.shading_->prefetch(material, p)) return false;
-  textured_.push_back({static_cast<std::size_t>(&s - batch_.segments.data()), material, shader_.end_flags, p, offset});
+  if (!print.empty() || !shader_.tracer.shading_->prefetch(material, p)) return false;
+  textured_.push_back({static_cast<std::size_t>(&s - batch_.segments.data()), material, shader_.end_flags, p, offset, print});
   if (textured_.size() == kTextured) scatter_textured();
   return true;
 }
@@ -67,14 +83,16 @@ bool PathTracer::EightShader::take_textured(std::uint32_t material, const Surfac
 void PathTracer::EightShader::scatter_textured() {
   for (Textured& t : textured_) {
     shader_.resume(batch_.segments[t.segment], t.end_flags);
-    shader_.scatter_at(t.material, t.p, t.offset, batch_.hits[t.segment]);
+    shader_.scatter_at(t.material, t.p, t.offset, t.print, batch_.hits[t.segment]);
   }
   textured_.clear();
 }
 
 void PathTracer::EightShader::finish() {
+  for (std::size_t kind = 0; kind < kPointsOnly; ++kind)
+    if (groups_[kind].count) scatter_points(kind, groups_[kind]);
   scatter_textured();
-  for (std::size_t kind = 0; kind < groups_.size(); ++kind)
+  for (std::size_t kind = kPointsOnly; kind < groups_.size(); ++kind)
     if (groups_[kind].count) shade(kind, groups_[kind]);
   for (const auto& waiting : waiting_)
     if (waiting->count) shade(*waiting);
@@ -203,15 +221,15 @@ void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segme
   v.numbers = SampleSequence::get_pairs(sequences, vertices, tracer.first_pair_);
 }
 
-void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
-  const PathTracer& tracer = shader_.tracer;
-  const bool normals = kind & 2u, uvs = kind & 1u;
+PathTracer::EightShader::Gathered PathTracer::EightShader::gather(std::size_t kind, const Group& group) const {
+  Gathered out;
+  TriangleVerticesOf<Float8>& triangle = out.triangle;
+  triangle.has_normals = kind & 2u;
+  triangle.has_uvs = kind & 1u;
   // Places of what is to be gathered. What is missing to eight is filled up with the first.
   using Places = std::array<const float*, kLanes>;
-  std::array<Places, 3> positions, corner_normals, corner_uvs;
+  std::array<Places, 3> positions, normals, uvs;
   Places barycentric;
-  std::array<std::size_t, kLanes> segments;
-  std::array<std::uint32_t, kLanes> materials;
   std::uint32_t flips = 0;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const std::size_t from = lane < group.count ? lane : 0, i = group.segments[from];
@@ -223,18 +241,15 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
       const auto c = static_cast<std::size_t>(k);
       const std::uint32_t vertex = corners[k], own = vertex - chunk.first_vertex;
       positions[c][lane] = &part.positions[vertex].x;
-      if (normals) corner_normals[c][lane] = &part.normals[chunk.first_normal + own].x;
-      if (uvs) corner_uvs[c][lane] = &part.uvs[chunk.first_uv + own].x;
+      if (triangle.has_normals) normals[c][lane] = &part.normals[chunk.first_normal + own].x;
+      if (triangle.has_uvs) uvs[c][lane] = &part.uvs[chunk.first_uv + own].x;
     }
     barycentric[lane] = &hit.u;
-    segments[lane] = i;
-    materials[lane] = chunk.material;
+    out.segments[lane] = i;
+    out.materials[lane] = chunk.material;
     flips |= static_cast<std::uint32_t>(chunk.flip != 0) << lane;
   }
-
-  TriangleVerticesOf<Float8> triangle;
-  triangle.has_normals = normals;
-  triangle.has_uvs = uvs;
+  out.flip = lanes::from_mask_bits(flips);
   const auto three = [](const Places& at) {
     const auto g = lanes::gather<3>(at);
     return Vec3x8(g[0], g[1], g[2]);
@@ -245,18 +260,24 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   };
   for (std::size_t c = 0; c < 3; ++c) {
     triangle.p[c] = three(positions[c]);
-    if (normals) triangle.n[c] = three(corner_normals[c]);
-    if (uvs) triangle.uv[c] = two(corner_uvs[c]);
+    if (triangle.has_normals) triangle.n[c] = three(normals[c]);
+    if (triangle.has_uvs) triangle.uv[c] = two(uvs[c]);
   }
-  const Vec2x8 b = two(barycentric);
-  const auto point = triangle_basics<Float8>(triangle, lanes::from_mask_bits(flips), tracer.dialect_, b.x, b.y);
+  out.at = two(barycentric);
+  return out;
+}
+
+void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
+  const PathTracer& tracer = shader_.tracer;
+  const Gathered g = gather(kind, group);
+  const auto point = triangle_basics<Float8>(g.triangle, g.flip, tracer.dialect_, g.at.x, g.at.y);
   ScatterOf<Float8> v;
   v.p = point.p;
   v.ng = point.ng;
   v.ns = point.ns;
   v.offset = ray_offset(point.p, point.p_error, point.ng);
-  bring(segments, v);
-  const Bsdf8 bsdf = tracer.shading_->bsdf(materials, v.ns, v.ng, v.wo);
+  bring(g.segments, v);
+  const Bsdf8 bsdf = tracer.shading_->bsdf(g.materials, v.ns, v.ng, v.wo);
   shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
 
   ScatterResults results(v);
@@ -267,6 +288,32 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
     shader_.scattered(results, lane, batch_.hits[i].t);
   }
   group.count = 0;
+}
+
+void PathTracer::EightShader::scatter_points(std::size_t kind, Group& group) {
+  const PathTracer& tracer = shader_.tracer;
+  const Gathered g = gather(kind, group);
+  const auto points8 = triangle_point<Float8>(g.triangle, g.flip, tracer.dialect_, g.at.x, g.at.y, tracer.uv_);
+  AroundOf<Float8> around8;
+  around8.offset = ray_offset(points8.p, points8.p_error, points8.ng);
+  if (tracer.footprint_) {
+    Columns<4> rays;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const PathSegment& s = batch_.segments[g.segments[lane]];
+      rays.put(0, lane, s.direction);
+      rays.at[3][lane] = Shader::cone_at(s, batch_.hits[g.segments[lane]].t);
+    }
+    around8.print = Shader::footprint_of(points8, rays.three(0), rays.one(3));
+  }
+  std::array<SurfacePoint, kLanes> points;
+  std::array<AroundOf<float>, kLanes> around;
+  lanes::take_apart(points8, points);
+  lanes::take_apart(around8, around);
+  const std::size_t count = std::exchange(group.count, 0);
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    shader_.begin(batch_.segments[g.segments[lane]]);
+    shader_.scatter_or_wait(g.materials[lane], points[lane], around[lane].offset, around[lane].print, batch_.hits[g.segments[lane]]);
+  }
 }
 
 }  // namespace cloudrenderer

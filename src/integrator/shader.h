@@ -9,6 +9,7 @@
 #include "integrator/path_tracer.h"
 #include "shading/subsurface.h"
 #include "shapes/surface.h"
+#include "shapes/triangle.h"
 
 namespace cloudrenderer {
 
@@ -241,10 +242,18 @@ struct PathTracer::Shader {
 
   SurfacePoint surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
   SurfacePoint surface(const AnsweredSurface& s, const Hit& hit, std::uint32_t& material, std::uint32_t& light, bool derivatives) const;
-  Footprint footprint(const SurfacePoint& p, float t) const;
+  // How wide the pixel's cone is where the path has come t far; 0: it is not known.
+  static float cone_at(const PathSegment& s, float t) { return s.has_light_ratio() ? 0.f : s.cone_width + s.cone_spread * t; }
+  // Of a cone of this width along `direction`.
+  template <class F>
+  static FootprintOf<F> footprint_of(const SurfacePointOf<F>& p, const Vec3Of<F>& direction, F width);
+  Footprint footprint(const SurfacePoint& p, float t) const {
+    return tracer.footprint_ ? footprint_of(p, path->direction, cone_at(*path, t)) : Footprint{};
+  }
   void vertex(const Hit& hit);
-  // The path under work at a surface that scatters, which it has hit.
-  void scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Hit& hit);
+  // The path under work at a surface that scatters, which it has hit: at once, or when what its textures read is at hand.
+  void scatter_or_wait(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Footprint& print, const Hit& hit);
+  void scatter_at(std::uint32_t material, SurfacePoint& p, const Vec3& offset, const Footprint& print, const Hit& hit);
   // Takes the path under work through the media before its surface at t, or infinity. False: it stays in them, and has
   // been taken on or ended there.
   bool cross_media(float t);
@@ -342,7 +351,7 @@ struct PathTracer::Shader {
 };
 
 // Vertices that wait until there are eight of a kind. Either triangles that shine not, with or without normals and uvs, of
-// materials of one kind (Shading::kind): all is done eight at once. Or any surface whose lobes were found one by one, with
+// materials of one kind (Shading::kind): all is done eight at once; or of other materials: their points are found so. Or any surface whose lobes were found one by one, with
 // lobes of the same kinds: light samples and the choice of the next ray are then made eight at once. What a vertex gives does
 // not depend on the others: a lane has the bits of the scalar formulas.
 class PathTracer::EightShader {
@@ -352,7 +361,7 @@ class PathTracer::EightShader {
   bool take(std::size_t i);
   // A vertex at p, of the path of the batch that is under work, waits until what its textures read is in the cache. False:
   // it need not.
-  bool take_textured(std::uint32_t material, const SurfacePoint& p, const Vec3& offset, const PathSegment& s);
+  bool take_textured(std::uint32_t material, const SurfacePoint& p, const Vec3& offset, const Footprint& print, const PathSegment& s);
   // The same vertex with its lobes. False: it cannot wait.
   bool take(const Bsdf& bsdf, const SurfacePoint& p, const Vec3& offset, const PathSegment& s);
   void finish();  // shades what still waits
@@ -380,6 +389,7 @@ class PathTracer::EightShader {
     std::uint16_t end_flags;
     SurfacePoint p;
     Vec3 offset;
+    Footprint print;
   };
   static constexpr std::size_t kTextured = 16;
   static constexpr std::size_t kMostWaiting = 64;  // kinds; scenes with more shade the rest one by one
@@ -389,8 +399,18 @@ class PathTracer::EightShader {
     std::array<const MeshChunk*, kLanes> chunks;
     std::array<const Part*, kLanes> parts;
   };
+  // Eight triangles' corners, and where on them the hits are.
+  struct Gathered {
+    TriangleVerticesOf<Float8> triangle;
+    Vec2x8 at;
+    Mask8 flip;
+    std::array<std::size_t, kLanes> segments;
+    std::array<std::uint32_t, kLanes> materials;
+  };
   void find_chunk(const Hit& hit);
+  Gathered gather(std::size_t kind, const Group& group) const;
   void shade(std::size_t kind, Group& group);
+  void scatter_points(std::size_t kind, Group& group);
   void shade(Waiting& waiting);
   void scatter_textured();
   bool take_escape(std::size_t i);
@@ -404,8 +424,9 @@ class PathTracer::EightShader {
   std::uint32_t part_number_ = kNone;
   const Part* part_ = nullptr;
   const MeshChunk* chunk_ = nullptr;
-  std::size_t group_ = 0;  // 0: by itself
-  std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs
+  bool alone_ = true;      // such triangles are shaded by themselves
+  std::size_t group_ = 0;
+  std::vector<Group> groups_;  // by 4 * material kind + 2 * normals + uvs; kind 0: only their points eight at once
   std::vector<std::unique_ptr<Waiting>> waiting_;
   std::size_t last_waiting_ = 0;
   std::vector<Textured> textured_;

@@ -21,7 +21,7 @@ inline constexpr std::uint64_t kBvhTriangle = 72;
 // that a triangle has for itself.
 inline constexpr std::uint64_t kBvhTwoVertices = 9;
 inline constexpr std::uint64_t kBvhOther = 106;      // of one quadric or instance
-inline constexpr std::uint64_t kQuadricSphere = 16;  // what the tracer keeps beside the quadric
+inline constexpr std::uint64_t kQuadricSphere = 28;  // what the tracer keeps beside the quadric
 inline constexpr std::uint64_t kInstanceObject = 88;    // what it keeps beside an instance's record
 inline constexpr std::uint64_t kChunk = sizeof(MeshChunk) + 16;  // with its share of the guide to chunks
 // Embree's objects, which its memory monitor does not count.

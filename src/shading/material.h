@@ -17,10 +17,33 @@ namespace cloudrenderer {
 struct SubsurfacePoint;
 
 // The size of a pixel at a surface point, in world space: two vectors in the tangent plane that
-// span the footprint of the ray, all zero where the scene needs none (no filtered textures).
-struct Footprint {
-  Vec3 dpdx{}, dpdy{};
+// span the footprint of the ray, all zero where the scene needs none (no filtered textures). F: of one point, or of eight.
+template <class F>
+struct FootprintOf {
+  Vec3Of<F> dpdx{}, dpdy{};
+  Vec2Of<F> duvdx{}, duvdy{};  // the same in the surface's parameters
+
+  FootprintOf() = default;
+  FootprintOf(const SurfacePointOf<F>& point, const Vec3Of<F>& x, const Vec3Of<F>& y);
+  bool empty() const { return dpdx == Vec3(0.f) && dpdy == Vec3(0.f); }  // of one
 };
+using Footprint = FootprintOf<float>;
+
+template <class F>
+FootprintOf<F>::FootprintOf(const SurfacePointOf<F>& point, const Vec3Of<F>& x, const Vec3Of<F>& y) : dpdx(x), dpdy(y) {
+  // Least squares for the components along the tangents.
+  const F e = glm::dot(point.dpdu, point.dpdu), f = glm::dot(point.dpdu, point.dpdv);
+  const F g = glm::dot(point.dpdv, point.dpdv), det = e * g - f * f, inverse = 1.f / det;
+  const MaskOf<F> spans = det > 0.f && lanes::is_finite(inverse);
+  const auto solve = [&](const Vec3Of<F>& d) {
+    const F a = glm::dot(d, point.dpdu), b = glm::dot(d, point.dpdv);
+    const F u = (g * a - f * b) * inverse, v = (e * b - f * a) * inverse;
+    const MaskOf<F> solved = spans && lanes::is_finite(u) && lanes::is_finite(v);
+    return Vec2Of<F>(lanes::select(solved, u, F(0.f)), lanes::select(solved, v, F(0.f)));
+  };
+  duvdx = solve(x);
+  duvdy = solve(y);
+}
 
 // Builds the textures and materials of a scene once (Shading::build) and makes a Bsdf at a point.
 // Immutable afterwards; any thread. Memory of texture images counts in bytes().

@@ -78,26 +78,6 @@ void mark_references(const ParamSet& params,
 
 }  // namespace
 
-TexturePoint::TexturePoint(const SurfacePoint& point, const Footprint& footprint)
-    : p(point.p), n(point.ng), uv(point.uv) {
-  if (footprint.dpdx == Vec3(0.f) && footprint.dpdy == Vec3(0.f)) return;
-  dpdx = footprint.dpdx;
-  dpdy = footprint.dpdy;
-  // Least squares for the components along the tangents.
-  const float e = glm::dot(point.dpdu, point.dpdu), f = glm::dot(point.dpdu, point.dpdv);
-  const float g = glm::dot(point.dpdv, point.dpdv), det = e * g - f * f;
-  if (!(det > 0.f)) return;
-  const float inverse = 1.f / det;
-  if (!std::isfinite(inverse)) return;
-  const auto solve = [&](const Vec3& d) {
-    const float a = glm::dot(d, point.dpdu), b = glm::dot(d, point.dpdv);
-    const Vec2 uv_d((g * a - f * b) * inverse, (e * b - f * a) * inverse);
-    return std::isfinite(uv_d.x) && std::isfinite(uv_d.y) ? uv_d : Vec2(0.f);
-  };
-  duvdx = solve(dpdx);
-  duvdy = solve(dpdy);
-}
-
 struct TextureSet::State {
   struct Entry {
     bool built = false, is_float = false, by_chance = false;

@@ -25,7 +25,8 @@ struct TexturePoint {
   bool regularized = false;  // narrow microfacets are widened, see Shading::lobes
 
   TexturePoint() = default;
-  TexturePoint(const SurfacePoint& point, const Footprint& footprint);
+  TexturePoint(const SurfacePoint& point, const Footprint& footprint)
+      : p(point.p), n(point.ng), uv(point.uv), dpdx(footprint.dpdx), dpdy(footprint.dpdy), duvdx(footprint.duvdx), duvdy(footprint.duvdy) {}
 };
 
 template <class T>

@@ -9,7 +9,9 @@
 
 namespace cloudrenderer {
 
-struct SurfacePoint;
+template <class F>
+struct SurfacePointOf;
+using SurfacePoint = SurfacePointOf<float>;
 
 enum class CurveKind : std::uint32_t { flat, cylinder, ribbon };
 

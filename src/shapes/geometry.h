@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/bulk_array.h"
+#include "base/lanes.h"
 #include "base/log.h"
 #include "cloudrenderer/math.h"
 #include "scene/description.h"
@@ -69,22 +70,24 @@ struct QuadricHit {
 bool intersect(const Quadric& q, const Vec3& origin, const Vec3& direction, float t_min,
                float t_max, QuadricHit& hit);
 
-// A point of a surface, made from a hit: all that shading needs to know of geometry.
-struct SurfacePoint {
-  Vec3 p{};        // world
-  Vec3 p_error{};  // absolute bound of the error of p, each axis, so that new rays can start
+// A point of a surface, made from a hit: all that shading needs to know of geometry. F: one point, or eight in lanes.
+template <class F>
+struct SurfacePointOf {
+  Vec3Of<F> p{};        // world
+  Vec3Of<F> p_error{};  // absolute bound of the error of p, each axis, so that new rays can start
                    // outside of it
-  Vec3 ng{};  // unit geometric normal, on the side that pbrt calls outside (orientation, handedness
+  Vec3Of<F> ng{};  // unit geometric normal, on the side that pbrt calls outside (orientation, handedness
               // applied)
-  Vec3 ns{};  // unit shading normal, in the hemisphere that pbrt gives it
-  Vec2 uv{};
-  Vec3 dpdu{}, dpdv{};  // of the surface
-  Vec3 dndu{}, dndv{};  // of the unit shading normal ns, its sign included
+  Vec3Of<F> ns{};  // unit shading normal, in the hemisphere that pbrt gives it
+  Vec2Of<F> uv{};
+  Vec3Of<F> dpdu{}, dpdv{};  // of the surface
+  Vec3Of<F> dndu{}, dndv{};  // of the unit shading normal ns, its sign included
   // The tangents of the shading frame, orthogonal to ns, not normalised. Where a mesh has normals
   // they are what pbrt-v2 and v3 make: unit vectors *against* dpdu and dpdv. Bump maps look as in
   // pbrt only with these.
-  Vec3 shading_dpdu{}, shading_dpdv{};
+  Vec3Of<F> shading_dpdu{}, shading_dpdv{};
 };
+using SurfacePoint = SurfacePointOf<float>;
 
 // The point of a hit that intersect() found for this ray: p lies on the surface up to the rounding
 // of p itself. `flip` is reverse_orientation xor object_to_world.swaps_handedness().

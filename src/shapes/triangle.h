@@ -101,16 +101,18 @@ template <class F>
 
 // The whole surface point. Without `derivatives` the fields dpdu to shading_dpdv stay zero; any frame around ns serves
 // an isotropic BSDF.
-[[gnu::always_inline]] inline SurfacePoint triangle_point(const TriangleVertices& tri, bool flip, Dialect dialect, float u,
-                                                          float v, bool derivatives = true) {
-  const TrianglePointOf<float> basics = triangle_basics(tri, flip, dialect, u, v);
-  SurfacePoint s;
+template <class F>
+[[gnu::always_inline]] inline SurfacePointOf<F> triangle_point(const TriangleVerticesOf<F>& tri, MaskOf<F> flip, Dialect dialect,
+                                                               F u, F v, bool derivatives = true) {
+  using lanes::select;
+  const TrianglePointOf<F> basics = triangle_basics<F>(tri, flip, dialect, u, v);
+  SurfacePointOf<F> s;
   s.p = basics.p;
   s.p_error = basics.p_error;
   s.ng = basics.ng;
   s.ns = basics.ns;
-  Vec2 d0{-1.f, -1.f}, d1{0.f, -1.f};  // uv differences of the default uvs (0,0) (1,0) (1,1)
-  float determinant = 1.f;
+  Vec2Of<F> d0(F(-1.f), F(-1.f)), d1(F(0.f), F(-1.f));  // uv differences of the default uvs (0,0) (1,0) (1,1)
+  F determinant = 1.f;
   if (tri.has_uvs) {
     d0 = tri.uv[0] - tri.uv[2];
     d1 = tri.uv[1] - tri.uv[2];
@@ -121,45 +123,41 @@ template <class F>
   }
   if (!derivatives) return s;
 
-  const Vec3 &a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
-  const Vec3 e0 = a - c, e1 = b - c, cross = basics.cross, n = tri.has_normals ? basics.n : Vec3(0.f);
-  const float inverse = 1.f / determinant;
-  const bool has_map = determinant != 0.f && std::isfinite(inverse);
-  if (has_map) {
-    s.dpdu = (d1.y * e0 - d0.y * e1) * inverse;
-    s.dpdv = (d0.x * e1 - d1.x * e0) * inverse;
-  } else {
-    orthonormal_basis(-cross, s.dpdu, s.dpdv);
+  const Vec3Of<F>&a = tri.p[0], &b = tri.p[1], &c = tri.p[2];
+  const Vec3Of<F> e0 = a - c, e1 = b - c;
+  const F inverse = 1.f / determinant;
+  const MaskOf<F> has_map = determinant != 0.f && lanes::is_finite(inverse);
+  s.dpdu = (d1.y * e0 - d0.y * e1) * inverse;
+  s.dpdv = (d0.x * e1 - d1.x * e0) * inverse;
+  if (lanes::any(!has_map)) {
+    Vec3Of<F> x, y;
+    orthonormal_basis(-basics.cross, x, y);
+    s.dpdu = select(has_map, s.dpdu, x);
+    s.dpdv = select(has_map, s.dpdv, y);
   }
   s.shading_dpdu = s.dpdu;
   s.shading_dpdv = s.dpdv;
   if (!tri.has_normals) return s;
 
-  const float length = glm::dot(n, s.ns);
-  if (has_map && length > 0.f) {
-    const Vec3 n0 = tri.n[0] - tri.n[2], n1 = tri.n[1] - tri.n[2];
-    const float scale = inverse / length;
-    const Vec3 du = (d1.y * n0 - d0.y * n1) * scale, dv = (d0.x * n1 - d1.x * n0) * scale;
-    s.dndu = du - s.ns * glm::dot(s.ns, du);
-    s.dndv = dv - s.ns * glm::dot(s.ns, dv);
+  const F length = glm::dot(basics.n, s.ns);
+  const MaskOf<F> curved = has_map && length > 0.f;
+  if (lanes::any(curved)) {
+    const Vec3Of<F> n0 = tri.n[0] - tri.n[2], n1 = tri.n[1] - tri.n[2], flat(F(0.f));
+    const F scale = inverse / length;
+    const Vec3Of<F> du = (d1.y * n0 - d0.y * n1) * scale, dv = (d0.x * n1 - d1.x * n0) * scale;
+    s.dndu = select(curved, du - s.ns * glm::dot(s.ns, du), flat);
+    s.dndv = select(curved, dv - s.ns * glm::dot(s.ns, dv), flat);
   }
-  if (dialect == Dialect::v4) {
-    // dpdu keeps its length and its side, and gives dpdv its length.
-    const Vec3 t = glm::cross(s.ns, s.dpdu);
-    if (t == Vec3(0.f)) {
-      orthonormal_basis(s.ns, s.shading_dpdu, s.shading_dpdv);
-    } else {
-      s.shading_dpdu = glm::cross(t, s.ns);
-      s.shading_dpdv = t;
-    }
-    return s;
-  }
-  const Vec3 t = safe_normalize(glm::cross(safe_normalize(s.dpdu), s.ns));
-  if (t == Vec3(0.f)) {
-    orthonormal_basis(s.ns, s.shading_dpdu, s.shading_dpdv);
-  } else {
-    s.shading_dpdu = glm::cross(t, s.ns);
-    s.shading_dpdv = dialect == Dialect::v2 && flip ? -t : t;
+  // In pbrt-v4 dpdu keeps its length and its side, and gives dpdv its length.
+  const Vec3Of<F> t = dialect == Dialect::v4 ? glm::cross(s.ns, s.dpdu) : safe_normalize(glm::cross(safe_normalize(s.dpdu), s.ns));
+  s.shading_dpdu = glm::cross(t, s.ns);
+  s.shading_dpdv = dialect == Dialect::v2 ? select(flip, -t, t) : t;
+  const MaskOf<F> along = lanes::is_black(t);  // dpdu is along ns
+  if (lanes::any(along)) {
+    Vec3Of<F> x, y;
+    orthonormal_basis(s.ns, x, y);
+    s.shading_dpdu = select(along, x, s.shading_dpdu);
+    s.shading_dpdv = select(along, y, s.shading_dpdv);
   }
   return s;
 }

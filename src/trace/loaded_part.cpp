@@ -244,6 +244,13 @@ void LoadedPart::add_quadrics() {
                            std::fabs(glm::dot(m[0], m[2])) < 1e-6f * scale2;
       if (similar) around = {record.quadric.object_to_world.point(Vec3(0.f)), record.quadric.radius * uniform * 1.00001f};
     }
+    if (record.quadric.kind == QuadricKind::disk && record.quadric.phi_max >= 2 * kPi) {
+      // Of one that is far longer than wide little of the sphere lies beside the ends, so that rounding of the chord would count.
+      const glm::dmat3 m(record.quadric.object_to_world.matrix());
+      const glm::dvec3 normal = glm::cross(m[0], m[1]);
+      const double area = glm::length(normal), longest2 = glm::dot(m[0], m[0]) + glm::dot(m[1], m[1]);
+      if (area > 0.1 * longest2) around.flat = Vec3(normal / area);
+    }
     around_.push_back(around);
   }
   const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));

@@ -116,6 +116,7 @@ class LoadedPart {
   struct BoundingSphere {
     Vec3 center;
     float radius;
+    Vec3 flat{0.f};  // of whole disks the unit normal: all of them is in that plane through the center. Else 0
   };
   std::vector<BoundingSphere> around_;  // of each quadric
   std::vector<glm::dmat3> curve_to_object_;  // of each group of curves
@@ -146,7 +147,14 @@ MaskOf<F> LoadedPart::surely_misses(std::uint32_t quadric, const Vec3Of<F>& orig
   if (!lanes::any(!aside)) return aside;
   const F half_chord = lanes::sqrt(half_chord2 / length2);
   // Written so that NaN (overflow) is no miss.
-  return aside || nearest - half_chord > t_far || nearest + half_chord < 0.f;
+  const MaskOf<F> misses = aside || nearest - half_chord > t_far || nearest + half_chord < 0.f;
+  if (s.flat == Vec3(0.f) || !lanes::any(!misses)) return misses;
+  // Both ends of what is within the sphere are on the same side of the plane, by more than rounding can do.
+  const Vec3Of<F> normal(s.flat);
+  const F height = -glm::dot(normal, to_center), rate = glm::dot(normal, direction);
+  const F first = height + lanes::max(nearest - half_chord, F(0.f)) * rate, last = height + lanes::min(nearest + half_chord, t_far) * rate;
+  const F slack = radius - s.radius + 2e-6f * s.radius;
+  return misses || (first > slack && last > slack) || (first < -slack && last < -slack);
 }
 
 class JointScene;
