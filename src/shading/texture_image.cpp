@@ -157,17 +157,13 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
   const Vec2 middle = st * size - 0.5f;
   d0 *= size;
   d1 *= size;
-  // Implicit ellipse A s^2 + B s t + C t^2 < 1, widened by one texel so that it never misses all
+  // Implicit ellipse a s^2 + b s t + c t^2 < f, widened by one texel so that it never misses all
   // centres.
-  float a = d0.y * d0.y + d1.y * d1.y + 1.f, b = -2.f * (d0.x * d0.y + d1.x * d1.y);
-  float c = d0.x * d0.x + d1.x * d1.x + 1.f;
+  const float a = d0.y * d0.y + d1.y * d1.y + 1.f, b = -2.f * (d0.x * d0.y + d1.x * d1.y);
+  const float c = d0.x * d0.x + d1.x * d1.x + 1.f;
   const float f = a * c - 0.25f * b * b;
   if (!(f > 0.f) || !std::isfinite(f)) return bilinear(level, st, wrap);
-  a /= f;
-  b /= f;
-  c /= f;
-  const float det = 4.f * a * c - b * b, half_s = 2.f * std::sqrt(c / det),
-              half_t = 2.f * std::sqrt(a / det);
+  const float inverse = 1.f / f, half_s = std::sqrt(c), half_t = std::sqrt(a);
   const int s0 = static_cast<int>(std::ceil(middle.x - half_s)),
             s1 = static_cast<int>(std::floor(middle.x + half_s));
   const int t0 = static_cast<int>(std::ceil(middle.y - half_t)),
@@ -182,7 +178,7 @@ Rgb ImagePyramid::ellipse(int level, Vec2 st, Vec2 d0, Vec2 d1, WrapMode wrap) c
       const bool black = !wrap_index(row, l.height, wrap);
       const std::size_t first = static_cast<std::size_t>(row) * static_cast<std::size_t>(l.width);
       for (int left = s0; left <= s1; left += static_cast<int>(kLanes)) {
-        const Float8 x = lanes::to_float(left + kEight) - middle.x, r2 = a * x * x + b * x * y + c * y * y;
+        const Float8 x = lanes::to_float(left + kEight) - middle.x, r2 = ((a * x + b * y) * x + c * y * y) * inverse;
         // The last weight is 0: no branch that nobody can foresee.
         const Float8 w8 = lanes::lookup(kWeight.data(), lanes::to_int(lanes::select(r2 < 1.f, r2 * kWeights, Float8(kWeights - 1))));
         const int right = std::min(s1, left + static_cast<int>(kLanes) - 1);
