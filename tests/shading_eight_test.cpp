@@ -2,10 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <cstring>
 #include <random>
 
 #include "shading/bsdf_disney.h"
 #include "shading/bsdf_lobes.h"
+#include "shading/material.h"
+#include "shapes/triangle.h"
 #include "shading_lights_support.h"
 
 namespace cloudrenderer {
@@ -205,6 +208,67 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
     }
   }
   EXPECT_GT(found, 3000);
+}
+
+// Triangles of all kinds with their footprints: without normals or uvs, with uv maps that are mirrored or points, needles.
+TEST(TrianglePoints, EightHaveTheBitsOfEach) {
+  Uniform u;
+  const auto point = [&] { return Vec3(2.f * u() - 1.f, 2.f * u() - 1.f, 2.f * u() - 1.f); };
+  for (int round = 0; round < 4000; ++round) {
+    const Dialect dialect = std::array{Dialect::v2, Dialect::v3, Dialect::v4}[static_cast<std::size_t>(round) % 3];
+    const bool derivatives = round % 7 != 0;
+    std::array<TriangleVertices, kLanes> each;
+    std::array<Vec3, kLanes> direction;
+    std::array<Vec2, kLanes> at;
+    std::array<float, kLanes> width;
+    TriangleVerticesOf<Float8> all;
+    Vec3x8 directions;
+    Vec2x8 places;
+    Float8 widths;
+    std::uint32_t flips = 0;
+    all.has_normals = round & 1;
+    all.has_uvs = round & 2;
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      TriangleVertices& t = each[i];
+      t.has_normals = all.has_normals;
+      t.has_uvs = all.has_uvs;
+      for (std::size_t k = 0; k < 3; ++k) {
+        t.p[k] = point();
+        t.n[k] = u() < 0.05f ? Vec3(0.f) : point();
+        t.uv[k] = {u(), u()};
+      }
+      if (u() < 0.1f) t.p[2] = 0.5f * (t.p[0] + t.p[1]);
+      if (u() < 0.1f) t.uv[1] = t.uv[2] = t.uv[0];
+      if (u() < 0.1f) t.n[0] = t.n[1] = t.n[2] = t.p[0] - t.p[2];  // along dpdu, or nearly
+      direction[i] = u() < 0.1f ? glm::normalize(glm::cross(t.p[0] - t.p[2], t.p[1] - t.p[2]) + Vec3(1e-9f)) : glm::normalize(point());
+      at[i] = {0.5f * u(), 0.5f * u()};
+      width[i] = u() < 0.2f ? 0.f : 0.01f * u();
+      if (u() < 0.5f) flips |= 1u << i;
+      for (std::size_t k = 0; k < 3; ++k) {
+        lanes::put(all.p[k], i, t.p[k]);
+        lanes::put(all.n[k], i, t.n[k]);
+        lanes::put(all.uv[k], i, t.uv[k]);
+      }
+      lanes::put(directions, i, direction[i]);
+      lanes::put(places, i, at[i]);
+      lanes::put(widths, i, width[i]);
+    }
+    const auto eight = triangle_point<Float8>(all, lanes::from_mask_bits(flips), dialect, places.x, places.y, derivatives);
+    const FootprintOf<Float8> prints(eight, directions * widths, glm::cross(directions, eight.ng) * widths);
+    std::array<SurfacePoint, kLanes> apart;
+    lanes::take_apart(eight, apart);
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      SCOPED_TRACE("round " + std::to_string(round) + " lane " + std::to_string(i));
+      const SurfacePoint one = triangle_point(each[i], (flips >> i & 1u) != 0, dialect, at[i].x, at[i].y, derivatives);
+      ASSERT_EQ(std::memcmp(&one, &apart[i], sizeof one), 0) << one.dpdu.x << " " << apart[i].dpdu.x << ", " << one.shading_dpdu.x << " " << apart[i].shading_dpdu.x;
+      const Footprint print(one, direction[i] * width[i], glm::cross(direction[i], one.ng) * width[i]);
+      expect_bits(print.dpdy, lanes::get(prints.dpdy, i));
+      for (int k = 0; k < 2; ++k) {
+        expect_bits(print.duvdx[k], lanes::get(prints.duvdx, i)[k]);
+        expect_bits(print.duvdy[k], lanes::get(prints.duvdy, i)[k]);
+      }
+    }
+  }
 }
 
 }  // namespace
