@@ -1,10 +1,11 @@
 #include "base/sampling.h"
 
 #include <array>
+#include <bit>
 
 namespace cloudrenderer {
 
-Distribution1D::Distribution1D(std::span<const float> values) : cdf_(values.size() + 1) {
+Distribution1D::Distribution1D(std::span<const float> values) : size_(values.size()), cdf_(values.size() + 1 + kLanes, 2.f) {
   const std::size_t n = values.size();
   double sum = 0;
   for (const float v : values) sum += static_cast<double>(v);
@@ -25,10 +26,10 @@ Distribution1D::Distribution1D(std::span<const float> values) : cdf_(values.size
   quanta[n] = kQuanta;
   for (std::size_t i = n; i-- > 1;) quanta[i] = std::min(quanta[i], quanta[i + 1] - (value(i) > 0.f));
   for (std::size_t i = 0; i <= n; ++i) cdf_[i] = static_cast<float>(quanta[i]) * (1.f / kQuanta);
-  guide_.resize(n);
+  guide_.resize((n + kLanes - 1) / kLanes);
   std::uint32_t piece = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const float u = static_cast<float>(i) / static_cast<float>(n);
+  for (std::size_t i = 0; i < guide_.size(); ++i) {
+    const float u = static_cast<float>(i) / static_cast<float>(guide_.size());
     while (piece + 1 < n && cdf_[piece + 1] <= u) ++piece;
     guide_[i] = piece;
   }
@@ -36,11 +37,14 @@ Distribution1D::Distribution1D(std::span<const float> values) : cdf_(values.size
 
 float Distribution1D::sample(float u, float& pdf, std::size_t& cell) const {
   // The last entry that is <= u, and so starts a piece of non-zero width.
-  cell = guide_[guess(u)];
-  while (cell > 0 && cdf_[cell] > u) --cell;  // where the guess was rounded up
-  // Mostly one step or none: not as a branch, which nobody could foresee. The last entry is above every u.
-  for (int i = 0; i < 2; ++i) cell += cdf_[cell + 1] <= u;
-  while (cdf_[cell + 1] <= u) ++cell;
+  cell = guide_[block_of(u)];
+  while (cell > 0 && cdf_[cell] > u) --cell;  // where the block was rounded up
+  // Eight at a time: mostly that is all.
+  std::size_t below;
+  do {
+    below = static_cast<std::size_t>(std::popcount(lanes::to_bits(Float8::load(&cdf_[cell + 1]) <= u)));
+    cell += below;
+  } while (below == kLanes);
   const float width = cdf_[cell + 1] - cdf_[cell];
   const float d = width > 0.f ? std::min((u - cdf_[cell] + 0.5f / kQuanta) / width, 0.99999994f) : 0.5f;
   const float n = static_cast<float>(size());

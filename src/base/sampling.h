@@ -56,24 +56,26 @@ class Distribution1D {
  public:
   Distribution1D() = default;
   explicit Distribution1D(std::span<const float> values);
-  std::size_t size() const { return cdf_.empty() ? 0 : cdf_.size() - 1; }
+  std::size_t size() const { return size_; }
   float integral() const { return integral_; }  // mean of the values
   // u in [0, 1) -> x in [0, 1); pdf is the density at x; `cell` the index of the piece.
   float sample(float u, float& pdf, std::size_t& cell) const;
   float pdf(float x) const;
   float cell_probability(std::size_t cell) const { return cdf_[cell + 1] - cdf_[cell]; }
   // Bring what sample(u) reads into the cache: the first is waited for by the second.
-  void prefetch_guide(float u) const { __builtin_prefetch(&guide_[guess(u)]); }
-  void prefetch_piece(float u) const { __builtin_prefetch(&cdf_[guide_[guess(u)]]); }
+  void prefetch_guide(float u) const { __builtin_prefetch(&guide_[block_of(u)]); }
+  void prefetch_piece(float u) const { __builtin_prefetch(&cdf_[guide_[block_of(u)]]); }
   std::uint64_t bytes() const { return cdf_.size() * sizeof(float) + guide_.size() * sizeof(std::uint32_t); }
 
  private:
   static constexpr std::uint32_t kQuanta = 1u << 24;
-  std::size_t guess(float u) const {
-    return std::min(static_cast<std::size_t>(u * static_cast<float>(size())), size() - 1);
+  std::size_t block_of(float u) const {
+    return std::min(static_cast<std::size_t>(u * static_cast<float>(guide_.size())), guide_.size() - 1);
   }
-  std::vector<float> cdf_;            // first 0, last 1
-  std::vector<std::uint32_t> guide_;  // the piece that has i / size() (Chen and Asau 1974): where to search from
+  std::size_t size_ = 0;
+  std::vector<float> cdf_;  // first 0, that of size() is 1; then eight that are above every u
+  // The piece that has i / n of n entries, one for about eight pieces: where to search from (Chen and Asau 1974).
+  std::vector<std::uint32_t> guide_;
   float integral_ = 0;
 };
 

@@ -1,6 +1,7 @@
 #include "shading/light_infinite.h"
 
 #include <cmath>
+#include <type_traits>
 
 #include "base/portable_math.h"
 #include "base/equal_area.h"
@@ -155,6 +156,9 @@ InfiniteLight::MapPoint<F> InfiniteLight::map_point(MaskOf<F> active, const Vec3
 template <class F>
 Vec3Of<F> InfiniteLight::lookup(MaskOf<F> active, const Vec2Of<F>& uv) const {
   Vec3Of<F> radiance(F(0.f));
+  // Of eight none waits for the texels of another one.
+  if constexpr (!std::is_same_v<F, float>)
+    lanes::for_each(active, [&](std::size_t i) { prefetch_texels(texels_, width_, height_, lanes::get(uv, i)); });
   lanes::for_each(active, [&](std::size_t i) {
     const Vec2 at = lanes::get(uv, i);
     lanes::put(radiance, i, equal_area_ ? nearest(texels_, width_, height_, at) : bilinear(texels_, width_, height_, at));

@@ -49,6 +49,14 @@ inline Rgb nearest(std::span<const Rgb> texels, int width, int height, const Vec
   return texels[at(uv.y, height) * static_cast<std::size_t>(width) + at(uv.x, width)];
 }
 
+// Brings what either of them reads into the cache, but for what lies across the map's border.
+inline void prefetch_texels(std::span<const Rgb> texels, int width, int height, const Vec2& uv) {
+  const auto at = [](float x, int size) { return static_cast<std::size_t>(std::clamp(static_cast<int>(x * static_cast<float>(size) - 0.5f), 0, size - 1)); };
+  const std::size_t first = at(uv.y, height) * static_cast<std::size_t>(width) + at(uv.x, width);
+  __builtin_prefetch(&texels[first]);
+  __builtin_prefetch(&texels[std::min(first + static_cast<std::size_t>(width), texels.size() - 1)]);
+}
+
 // What a point light's intensity is multiplied with, by direction.
 class DirectionalMap {
  public:
