@@ -46,14 +46,7 @@ void LoadedPart::add_curves() {
   const CurveArrays& curves = part_.curves;
   if (curves.segments.empty()) return;
   for (const CurveGroup& g : curves.groups) curve_to_object_.push_back(glm::inverse(glm::dmat3(Mat4(g.object_to_world.matrix()))));
-  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
-  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(curves.segments.size()));
-  rtcSetGeometryUserData(g.get(), this);
-  rtcSetGeometryBoundsFunction(g.get(), bounds, nullptr);
-  rtcSetGeometryIntersectFunction(g.get(), intersect);
-  rtcSetGeometryOccludedFunction(g.get(), occluded);
-  rtcCommitGeometry(g.get());
-  rtcAttachGeometryByID(scene_.get(), g.get(), kCurves);
+  device_->attach(scene_.get(), kCurves, curves.segments.size(), this, {bounds, intersect, occluded});
   device_->check("curves");
 }
 

@@ -35,6 +35,17 @@ void Device::add(std::int64_t bytes) {
 
 void Device::add_shared(std::int64_t bytes) { add(bytes); }
 
+void Device::attach(RTCScene scene, unsigned number, std::size_t count, const void* data, const Functions& functions) const {
+  const GeometryHandle g(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_USER));
+  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(count));
+  rtcSetGeometryUserData(g.get(), const_cast<void*>(data));  // given back to the functions, which read it
+  rtcSetGeometryBoundsFunction(g.get(), functions.bounds, nullptr);
+  rtcSetGeometryIntersectFunction(g.get(), functions.intersect);
+  rtcSetGeometryOccludedFunction(g.get(), functions.occluded);
+  rtcCommitGeometry(g.get());
+  rtcAttachGeometryByID(scene, g.get(), number);
+}
+
 void Device::check(const char* what) const {
   const RTCError e = rtcGetDeviceError(device_);
   if (e == RTC_ERROR_NONE) return;

@@ -3,6 +3,8 @@
 #include <embree3/rtcore.h>
 
 #include <atomic>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <type_traits>
 
@@ -26,6 +28,13 @@ class Device {
   RTCDevice get() const { return device_; }
   // Throws ClusterError if Embree has reported an error since the last call.
   void check(const char* what) const;
+  // Attaches `count` primitives of our own to a scene as its geometry `number`; `data` is what the functions get, and outlives it.
+  struct Functions {
+    RTCBoundsFunction bounds;
+    RTCIntersectFunctionN intersect;
+    RTCOccludedFunctionN occluded;
+  };
+  void attach(RTCScene scene, unsigned number, std::size_t count, const void* data, const Functions& functions) const;
   std::uint64_t bytes() const { return bytes_.load(std::memory_order_relaxed); }
 
   // Bytes of arrays that Embree shares with us; counted together with its own.

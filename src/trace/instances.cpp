@@ -160,14 +160,7 @@ void LoadedPart::add_instances() {
   if (placed_.empty()) return;
   for (Placed& p : placed_)
     if (!p.bounds.empty()) p.bounds = {p.bounds.min - kWider * largest, p.bounds.max + kWider * largest};
-  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
-  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(placed_.size()));
-  rtcSetGeometryUserData(g.get(), this);
-  rtcSetGeometryBoundsFunction(g.get(), bounds, nullptr);
-  rtcSetGeometryIntersectFunction(g.get(), intersect);
-  rtcSetGeometryOccludedFunction(g.get(), occluded);
-  rtcCommitGeometry(g.get());
-  rtcAttachGeometryByID(scene_.get(), g.get(), kPlaced);
+  device_->attach(scene_.get(), kPlaced, placed_.size(), this, {bounds, intersect, occluded});
   device_->check("instances");
 }
 

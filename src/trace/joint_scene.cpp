@@ -58,14 +58,7 @@ std::shared_ptr<const JointScene> JointScene::build(std::shared_ptr<Device> devi
   const RTCDevice embree = joint->device_->get();
   joint->scene_.reset(rtcNewScene(embree));
   rtcSetSceneFlags(joint->scene_.get(), RTC_SCENE_FLAG_ROBUST);
-  const GeometryHandle g(rtcNewGeometry(embree, RTC_GEOMETRY_TYPE_USER));
-  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(joint->members_.size()));
-  rtcSetGeometryUserData(g.get(), joint.get());
-  rtcSetGeometryBoundsFunction(g.get(), member_bounds, nullptr);
-  rtcSetGeometryIntersectFunction(g.get(), member_intersect);
-  rtcSetGeometryOccludedFunction(g.get(), member_occluded);
-  rtcCommitGeometry(g.get());
-  rtcAttachGeometry(joint->scene_.get(), g.get());
+  joint->device_->attach(joint->scene_.get(), 0, joint->members_.size(), joint.get(), {member_bounds, member_intersect, member_occluded});
   rtcCommitScene(joint->scene_.get());
   joint->device_->check("joint scene");
   return joint;

@@ -248,19 +248,12 @@ void LoadedPart::add_quadrics() {
       // Of one that is far longer than wide little of the sphere lies beside the ends, so that rounding of the chord would count.
       const glm::dmat3 m(record.quadric.object_to_world.matrix());
       const glm::dvec3 normal = glm::cross(m[0], m[1]);
-      const double area = glm::length(normal), longest2 = glm::dot(m[0], m[0]) + glm::dot(m[1], m[1]);
-      if (area > 0.1 * longest2) around.flat = Vec3(normal / area);
+      const double area = glm::length(normal), lengths2 = glm::dot(m[0], m[0]) + glm::dot(m[1], m[1]);
+      if (area > 0.1 * lengths2) around.flat = Vec3(normal / area);
     }
     around_.push_back(around);
   }
-  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
-  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(part_.quadrics.size()));
-  rtcSetGeometryUserData(g.get(), this);
-  rtcSetGeometryBoundsFunction(g.get(), quadric_bounds, nullptr);
-  rtcSetGeometryIntersectFunction(g.get(), quadric_intersect);
-  rtcSetGeometryOccludedFunction(g.get(), quadric_occluded);
-  rtcCommitGeometry(g.get());
-  rtcAttachGeometryByID(scene_.get(), g.get(), kQuadrics);
+  device_->attach(scene_.get(), kQuadrics, part_.quadrics.size(), this, {quadric_bounds, quadric_intersect, quadric_occluded});
   device_->check("quadrics");
 }
 
@@ -283,14 +276,7 @@ void LoadedPart::add_moving() {
     const Bounds3 box{{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
     m.bounds = grown(moved_bounds(m.fixed, m.moves, box));
   }
-  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
-  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(moving_.size()));
-  rtcSetGeometryUserData(g.get(), this);
-  rtcSetGeometryBoundsFunction(g.get(), moving_bounds, nullptr);
-  rtcSetGeometryIntersectFunction(g.get(), moving_intersect);
-  rtcSetGeometryOccludedFunction(g.get(), moving_occluded);
-  rtcCommitGeometry(g.get());
-  rtcAttachGeometryByID(scene_.get(), g.get(), kMoving);
+  device_->attach(scene_.get(), kMoving, moving_.size(), this, {moving_bounds, moving_intersect, moving_occluded});
   device_->check("moving instances");
 }
 
@@ -301,14 +287,7 @@ const LoadedPart::Moving* LoadedPart::moving_instance(std::uint32_t instance) co
 
 void LoadedPart::add_bricks() {
   if (part_.bricks.empty()) return;
-  const GeometryHandle g(rtcNewGeometry(device_->get(), RTC_GEOMETRY_TYPE_USER));
-  rtcSetGeometryUserPrimitiveCount(g.get(), static_cast<unsigned>(part_.bricks.size()));
-  rtcSetGeometryUserData(g.get(), this);
-  rtcSetGeometryBoundsFunction(g.get(), brick_bounds, nullptr);
-  rtcSetGeometryIntersectFunction(g.get(), brick_intersect);
-  rtcSetGeometryOccludedFunction(g.get(), brick_occluded);
-  rtcCommitGeometry(g.get());
-  rtcAttachGeometryByID(scene_.get(), g.get(), kBricks);
+  device_->attach(scene_.get(), kBricks, part_.bricks.size(), this, {brick_bounds, brick_intersect, brick_occluded});
   device_->check("bricks");
 }
 
