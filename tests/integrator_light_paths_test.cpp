@@ -43,7 +43,7 @@ Picture picture_of(const std::string& text, const Look& look) {
       ShadeOutput shaded;
       tracer.shade(batch, shaded);
       for (const PathEnd& e : shaded.ended) {
-        film.at(e.pixel % f.width, e.pixel / f.width, tracer.in_negative_lobe(e.pixel, e.sample)).add(e.radiance, e.sample);
+        film.at(e.pixel % f.width, e.pixel / f.width, tracer.in_negative_lobe(e.pixel, e.sample, false)).add(e.radiance, e.sample);
         ++ended;
         if (e.target == PathEnd().target) continue;
         EXPECT_TRUE(tracer.may_splat(e.target));

@@ -1,7 +1,11 @@
 // What a path gathers is a function of the path: it does not depend on which batch its vertices are shaded in.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
+#include <map>
+#include <optional>
+#include <set>
 
 #include "integrator/path_time.h"
 #include "integrator_support.h"
@@ -94,28 +98,42 @@ TEST(PathTime, IsUniformAndStratified) {
   EXPECT_NE(path_time(job, shutter, 0, 0), path_time(job, shutter, 0, 1));
 }
 
-void expect_same_in_all_batches(const std::string& integrator) {
+// The scene with this integrator, all of it loaded.
+struct World {
+  World(const std::string& integrator, const JobOverrides& overrides);
+  Warnings warnings;
+  Resident resident{{}};
+  std::optional<PathTracer> tracer;
+};
+
+World::World(const std::string& integrator, const JobOverrides& overrides) {
   prepare_compute_thread();
   const parts_test::TemporaryFolder folder;
   std::string text = kWorld;
   text.replace(text.find("%INTEGRATOR%"), 12, integrator);
   const std::string scene = folder.path("scene.pbrt"), split = folder.path("split");
   std::ofstream(scene) << text;
-  Warnings warnings;
   const Manifest m = split_scene(scene, split, {}, warnings);
-  Resident resident({});
   const auto read = [](const std::string& path) { return *read_part_file(path); };
-  const PathTracer tracer(m, job_settings(m.scene, {}, warnings), read(part_path(split, 0)), resident, warnings);
+  tracer.emplace(m, job_settings(m.scene, overrides, warnings), read(part_path(split, 0)), resident, warnings);
   for (std::uint32_t i = 0; i < m.prototypes.size(); ++i) resident.load_prototype(i, read(prototype_path(split, i)));
   for (std::uint32_t i = 1; i < m.parts.size(); ++i) resident.load_part(PartId(i), read(part_path(split, i)));
+}
+
+void expect_same_in_all_batches(const std::string& integrator, const JobOverrides& overrides = {}) {
+  const World world(integrator, overrides);
+  const bool shares = overrides.samples_per_ray.value_or(1) > 1;
+  const std::uint64_t paths = 24u * 20u * overrides.spp.value_or(4);
   RayCounts together, apart;
-  const Sums sums = render(tracer, 100000, together);
-  EXPECT_EQ(sums.size(), 24u * 20u * 4u);
+  const Sums sums = render(*world.tracer, 100000, together, shares);
+  EXPECT_EQ(sums.size(), paths);
   EXPECT_GT(together.bounce, 1000u);
+  EXPECT_EQ(together.camera, paths / overrides.samples_per_ray.value_or(1));
   for (const std::size_t size : {1u, 5u, 64u}) {
     apart = {};
-    EXPECT_EQ(render(tracer, size, apart), sums) << "in batches of " << size;
-    EXPECT_EQ(apart.camera, together.camera);
+    EXPECT_EQ(render(*world.tracer, size, apart, shares), sums) << "in batches of " << size;
+    // Groups that a batch cuts go one by one.
+    EXPECT_EQ(apart.camera, shares && size < 64 ? paths : together.camera);
     EXPECT_EQ(apart.bounce, together.bounce);
     EXPECT_EQ(apart.shadow, together.shadow);
   }
@@ -129,6 +147,50 @@ TEST(Shade, WhatAPathGathersDoesNotDependOnItsBatchInV3) {
 }
 TEST(Shade, DirectLightDoesNotDependOnItsBatch) {
   expect_same_in_all_batches("SurfaceIntegrator \"directlighting\"");
+}
+TEST(Shade, SamplesThatShareRaysDoNotDependOnTheirBatch) {
+  JobOverrides overrides;
+  overrides.spp = 16;
+  overrides.samples_per_ray = 4;
+  expect_same_in_all_batches("SurfaceIntegrator \"path\" \"integer maxdepth\" [4]", overrides);
+  expect_same_in_all_batches("Integrator \"path\" \"integer maxdepth\" [5]", overrides);
+}
+
+// The samples of a group bring other light than they would alone, but all together the same.
+TEST(Shade, SamplesThatShareRaysHaveTheSameMean) {
+  JobOverrides overrides;
+  overrides.spp = 512;
+  overrides.samples_per_ray = 4;
+  const World world("Integrator \"path\" \"integer maxdepth\" [5]", overrides);
+  RayCounts counts;
+  const auto mean = [&](bool shares) {
+    Rgb sum(0.f);
+    for (const auto& [sample, radiance] : render(*world.tracer, 65536, counts, shares))
+      for (int c = 0; c < 3; ++c) sum[c] += static_cast<float>(std::ldexp(static_cast<double>(radiance[static_cast<std::size_t>(c)]), -30) / (480 * 512));
+    return sum;
+  };
+  const Rgb alone = mean(false), shared = mean(true);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(shared[c] / alone[c], 1, 0.004) << c;
+}
+
+// Numbers of the rays' samples: each once, in both sequences of a pixel.
+TEST(SharedRays, CountOnOneByOne) {
+  for (const std::uint32_t group : {2u, 4u, 8u}) {
+    const SharedRays rays(group, 100);
+    EXPECT_EQ(rays.end, 100 / (2 * group) * 2 * group);
+    std::map<std::uint32_t, std::set<std::uint32_t>> by_ray;
+    for (std::uint32_t s = 0; s < rays.end; ++s) by_ray[rays.ray_sample(s, true)].insert(s);
+    EXPECT_EQ(by_ray.size(), rays.end / group);
+    EXPECT_EQ(by_ray.rbegin()->first, rays.end / group - 1);
+    for (const auto& [ray, samples] : by_ray) {
+      EXPECT_EQ(samples.size(), group);
+      for (const std::uint32_t s : samples) {
+        EXPECT_EQ(rays.first(s), *samples.begin());
+        EXPECT_EQ(s % 2, ray % 2);
+      }
+    }
+  }
+  EXPECT_EQ(SharedRays(4, 100).ray_sample(13, false), 13u);
 }
 
 }  // namespace

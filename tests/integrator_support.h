@@ -35,9 +35,10 @@ struct SplitScene {
 
 using Sums = std::map<std::pair<std::uint32_t, std::uint32_t>, Fixed3>;  // by pixel and sample
 
-inline Sums render(const PathTracer& tracer, std::size_t batch_size, RayCounts& counts) {
+// shares: samples share camera rays, as many as the job says.
+inline Sums render(const PathTracer& tracer, std::size_t batch_size, RayCounts& counts, bool shares = false) {
   const FilmFrame& f = tracer.job().film.frame;
-  const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, tracer.job().spp};
+  const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, tracer.job().spp, shares};
   Sums sums;
   for (std::uint64_t made = 0; made < range.paths();) {
     const std::uint64_t n = std::min<std::uint64_t>(batch_size, range.paths() - made);

@@ -128,9 +128,9 @@ class SampleSequence {
     const Hashes8 h(of, [&](std::size_t i) { return of[i].pair_hash(dimension); });
     return sobol_pair(h.index_reversed, h.lo, h.hi, h.hi * 0x9e3779b9u ^ h.lo);
   }
-  // dimension: of each lane. Pairs before `first` are not wanted: they may stay 0.
+  // dimension: of each lane. Only the pairs from `first` on and before `end` are wanted: the others may stay 0.
   static std::array<Vec2x8, 4> get_pairs(const Eight& of, const std::array<std::uint32_t, kLanes>& dimension,
-                                         std::uint32_t first = 0) {
+                                         std::uint32_t first = 0, std::uint32_t end = 4) {
     std::array<Vec2x8, 4> out{};
     if (of[0].kind_ == Kind::independent) {
       std::array<Float8, 8> rows;
@@ -140,7 +140,7 @@ class SampleSequence {
       return out;
     }
     const Hashes8 h(of, [&](std::size_t i) { return of[i].group_hash(dimension[i]); });
-    for (std::uint32_t k = first; k < 4; ++k)
+    for (std::uint32_t k = first; k < end; ++k)
       out[k] = sobol_pair(h.index_reversed, mix32(h.lo + k * 0x85ebca6bu), mix32(h.hi + k * 0x9e3779b9u),
                           mix32(h.hi + (4 + k) * 0x9e3779b9u));
     return out;

@@ -58,7 +58,8 @@ void print_description(const SceneDescription& scene, const JobSettings& job, Di
   const FilmFrame& f = job.film.frame;
   fmt::print("{:<12}{} x {}, window [{}, {}) x [{}, {}), {}\n", "film", f.width, f.height, f.x0,
              f.x1, f.y0, f.y1, job.film.filename);
-  fmt::print("{:<12}{}, {} samples a pixel\n", "sampler", scene.sampler.type, job.spp);
+  fmt::print("{:<12}{}, {} samples a pixel, {} a camera ray{}\n", "sampler", scene.sampler.type, job.spp, job.samples_per_ray,
+             job.share_if_worth ? " if it pays" : "");
   fmt::print("{:<12}{}\n", "filter", scene.filter.type);
   const bool metropolis = scene.renderer && scene.renderer->type == "metropolis";  // whatever the integrator beside it
   fmt::print("{:<12}{}, light gathered at {} vertices", "integrator", metropolis ? "metropolis" : scene.integrator.type, job.light_vertices);

@@ -15,6 +15,7 @@ namespace {
 
 constexpr const char* kMaxDepth = "max_depth";
 constexpr const char* kFootprintSpp = "footprint_spp";
+constexpr const char* kSamplesPerRay = "samples_per_ray";
 constexpr std::uint32_t kLargestFilm = 1u << 16;
 
 PlacementPart placement_part(const Manifest& manifest, std::uint32_t part) {
@@ -104,6 +105,8 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   spec.k = settings.k;
   spec.lobes = settings.lobes;
   spec.spp = settings.spp;
+  spec.samples_per_ray = settings.samples_per_ray;
+  spec.share_if_worth = settings.share_if_worth;
   spec.seed = settings.seed;
   for (std::uint32_t p = 0; p < manifest.parts.size(); ++p)
     spec.parts.push_back(placement_part(manifest, p));
@@ -134,6 +137,8 @@ JobSpec make_job_spec(const Manifest& manifest, const JobSettings& settings,
   if (overrides.max_depth) (*s.mutable_options())[kMaxDepth] = std::to_string(*overrides.max_depth);
   if (settings.footprint_spp != 0 && settings.footprint_spp != settings.spp)
     (*s.mutable_options())[kFootprintSpp] = std::to_string(settings.footprint_spp);
+  // Not what the scene would say, which depends on the samples of this run.
+  (*s.mutable_options())[kSamplesPerRay] = std::to_string(settings.samples_per_ray);
   if (shared_folder) s.set_parts_url(std::filesystem::absolute(folder).string());
   return spec;
 }
@@ -150,6 +155,8 @@ JobSettings settings_of(const wire::JobStart& start, const Manifest& manifest, W
   settings.light_paths = static_cast<LightPaths>(start.light_paths());
   settings.length_k = feature_length_k(manifest.bounds);
   settings.footprint_spp = number_option(start, kFootprintSpp).value_or(0);
+  settings.samples_per_ray = number_option(start, kSamplesPerRay).value_or(1);
+  if (!may_be_samples_per_ray(settings.samples_per_ray)) throw ClusterError("the job's samples per camera ray make no sense");
   settings.film.frame = {start.width(), start.height(), start.x0(),
                          start.y0(),    start.x1(),     start.y1()};
   const FilmFrame& f = settings.film.frame;

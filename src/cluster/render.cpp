@@ -122,6 +122,11 @@ class RenderRun {
     if (!checkpoint_->resumed()) return;
     job_ = checkpoint_->made();
     facts_.settings.footprint_spp = job_.footprint_spp;
+    if (overrides_.samples_per_ray && (*overrides_.samples_per_ray != job_.samples_per_ray || job_.share_if_worth))
+      throw UsageError("checkpoint " + path + " was made with " + std::to_string(job_.samples_per_ray) + " samples a camera ray" +
+                       (job_.share_if_worth ? " if it is worth it" : "") + " (--samples-per-ray)");
+    facts_.settings.samples_per_ray = job_.samples_per_ray;
+    facts_.settings.share_if_worth = job_.share_if_worth;
     if (!request_.listen && !request_.allow_inexact && job_.fingerprint != 0 &&
         job_.fingerprint != numeric_fingerprint())
       throw UsageError("checkpoint " + path +
@@ -370,6 +375,7 @@ class RenderRun {
     out.load_cpu_s = cpu_begin_ > 0 ? cpu_begin_ - cpu_opened_ : 0;
     out.facts = std::move(facts_);
     out.spp_done = core.complete_samples();
+    out.samples_per_ray = core.samples_per_ray();
     out.hosts = core.hosts();
     out.bit_exact = core.bit_exact();
     out.film = std::make_unique<Film>(std::move(core.film()));

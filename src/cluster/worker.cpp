@@ -353,6 +353,7 @@ wire::Hello make_hello(std::uint64_t incarnation, const std::string& name, std::
     for (const auto& [bit, feature] : kPartFeatures) h.add_features(feature);
     h.add_features("paging");
     h.add_features("layers");
+    h.add_features("shared rays");
   }
   h.add_features("lobes");
   h.add_features("aimed light paths");

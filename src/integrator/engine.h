@@ -103,8 +103,8 @@ class PathEngine {
   // True if something in the scene moves, so that rays have times.
   virtual bool has_motion() const { return false; }
   // Whether the pixel filter is negative where the sample is (full-resolution number of the pixel, row by row): its
-  // radiance is summed apart then, see FilterLobes.
-  virtual bool in_negative_lobe(std::uint32_t, std::uint32_t) const { return false; }
+  // radiance is summed apart then, see FilterLobes. `shares`: as its task's range says.
+  virtual bool in_negative_lobe(std::uint32_t, std::uint32_t, bool) const { return false; }
   virtual bool has_negative_lobes() const { return false; }
   // Whether a path from a light may bring something to this pixel of the full film.
   virtual bool may_splat(std::uint32_t) const { return false; }

@@ -68,7 +68,7 @@ Rgb PathTracer::tint(const PathSegment& s) const {
   if (s.vertex == 0 && !media_) return Rgb(1.f);
   const std::uint32_t x = s.pixel % job_.film.frame.width, y = s.pixel / job_.film.frame.width;
   std::vector<PathSegment> first;
-  camera({s.task, x, y, x + 1, y + 1, s.sample, s.sample + 1}, s.owner, 0, 1, first);
+  camera({s.task, x, y, x + 1, y + 1, s.sample, s.sample + 1, (s.flags & kSharesRay) != 0}, s.owner, 0, 1, first);
   Rgb tint(0.f);
   float largest = 0;
   for (int c = 0; c < 3; ++c) {
@@ -103,6 +103,11 @@ void PathTracer::Shader::tell_surface(const Hit& hit, std::uint32_t material, co
     s.flags |= kSurfaceTold;
   }
   out.features.push_back(f);
+  if (!(s.flags & kHoldsGroup)) return;
+  for (std::uint32_t i = 1; i < group_of(s); ++i) {
+    f.sample += 2;
+    out.features.push_back(f);
+  }
 }
 
 // Fog has no normal, and the albedo that it scatters with.
@@ -120,7 +125,7 @@ void PathTracer::Shader::put_place(PathFeatures& f, const Vec3& p) const {
   if (!is_finite(p)) return;
   const double units = fixed_units(tracer.job_.length_k);
   bool clamped = false;
-  f.values[kDepth] = quantise(tracer.camera_->depth(p, tracer.time_of(path->pixel, path->sample)), units, clamped);
+  f.values[kDepth] = quantise(tracer.camera_->depth(p, tracer.time_of(*path)), units, clamped);
   put(f.values, kPosition, p, units);
 }
 

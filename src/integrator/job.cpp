@@ -96,6 +96,9 @@ bool subsurface_transport(const SceneDescription& scene, const std::string& type
   return false;
 }
 
+// With fewer samples the edges that the camera sees matter more, and trying takes too much of the time.
+constexpr std::uint32_t kSharedFrom = 32;
+
 }  // namespace
 
 const char* name(LightPaths paths) {
@@ -212,6 +215,9 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     warnings.add(source->location, "\"regularize\" is ignored where there are paths from lights (--light-paths)");
     job.regularize = false;
   }
+  const bool may_share = job.integrator == IntegratorKind::path && job.light_paths == LightPaths::none;
+  job.samples_per_ray = may_share ? overrides.samples_per_ray.value_or(job.spp < kSharedFrom ? 1 : 2) : 1;
+  job.share_if_worth = job.samples_per_ray > 1 && !overrides.samples_per_ray;
   Warnings said_later;  // by who renders with it
   job.lobes = Filter::build(scene.filter, said_later, scene.dialect)->lobes();
   // One unit of the film is 2^-30 of a contribution of one; a film scale far from one moves that along.

@@ -29,6 +29,7 @@ struct JobOverrides {
   std::optional<std::array<float, 4>> crop;  // x0 x1 y0 y1 in [0, 1], as pbrt's cropwindow
   std::optional<std::string> integrator;     // pbrt's name
   std::optional<LightPaths> light_paths;
+  std::optional<std::uint32_t> samples_per_ray;  // none: 2, if it is worth it
   std::uint32_t seed = 0;
 };
 
@@ -37,6 +38,9 @@ struct JobSettings {
   FilmOptions film;
   std::uint32_t spp = 16;
   std::uint32_t footprint_spp = 0;  // that textures are filtered for; 0: spp
+  // That share what the camera sees, where that can be (shared_rays.h): 1, 2, 4 or 8. share_if_worth: it is tried before (ShareTrial).
+  std::uint32_t samples_per_ray = 1;
+  bool share_if_worth = false;
   std::uint32_t seed = 0;
   SampleSequence::Kind sequence = SampleSequence::Kind::sobol;
   IntegratorKind integrator = IntegratorKind::path;

@@ -229,7 +229,7 @@ void PathTracer::Shader::connect(Bsdf& bsdf, const SurfacePoint& p, const Vec3& 
     ++out.counts.clamped;
     end_flags |= kEndClamped;
   }
-  if (tracer.motion_) shadows.times.push_back(tracer.time_of(s.pixel, s.sample));
+  if (tracer.motion_) shadows.times.push_back(tracer.time_of(s));
   shadows.rays.push_back({ray_start(p.p, offset, p.ng, wo), wo, shadow_length(view.distance)});
   ++out.counts.shadow;
   target = pixel;

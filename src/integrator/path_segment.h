@@ -31,6 +31,8 @@ enum SegmentFlag : std::uint16_t {
   // In jobs with light paths: the sample's path has ended at the camera's side and goes on from a light (light_paths.cpp).
   kLightPath = 1024,
   kLightScattered = 2048,  // its light came to a surface that scattered it by a lobe that is not specular
+  kSharesRay = 4096,   // the sample shares its camera ray with others (shared_rays.h), from there on to the path's end
+  kHoldsGroup = 8192,  // stands for all that do, until its first vertex
 };
 
 // One ray of one path with all that the path carries on: exactly what travels between hosts. Plain data.
@@ -124,6 +126,8 @@ struct RendererRange {
   std::uint32_t task = 0;
   std::uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;    // full-resolution pixels
   std::uint32_t sample_begin = 0, sample_end = 0;
+  bool shares = false;  // its samples share camera rays (shared_rays.h)
+  bool trial = false;   // the manager's: the sums are not for the picture, see ShareTrial
   std::uint64_t pixels() const { return std::uint64_t{x1 - x0} * (y1 - y0); }
   std::uint64_t paths() const { return pixels() * (sample_end - sample_begin); }
 };

@@ -111,6 +111,10 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   if (light_paths_ != LightPaths::none) lights_->aim(manifest.specular_boxes, light_paths_ == LightPaths::caustics ? 1.f : kAimed);
   if (job.media != MediaTransport::none) build_media(manifest, main_part, warnings);
   if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);
+  // Media, paths from lights and limits go by the sample at the first vertex already.
+  if (job.integrator == IntegratorKind::path && !media_ && light_paths_ == LightPaths::none && job.film.max_sample_luminance == kInfinity &&
+      job.film.max_component == kInfinity)
+    shared_ = SharedRays(job.samples_per_ray, job.spp);
   resident.load_part(PartId{0}, std::move(main_part));
 }
 
@@ -135,12 +139,12 @@ void PathTracer::build_media(const Manifest& manifest, const Part& main_part, Wa
   for (const std::uint32_t medium : manifest.bounded_media) bounded_.at(medium) = true;
 }
 
-float PathTracer::time_of(std::uint32_t pixel, std::uint32_t sample) const {
-  return path_time(job_, shutter_, pixel, sample);
+float PathTracer::time_of(const PathSegment& s) const {
+  return path_time(job_, shutter_, s.pixel, ray_sample(s));
 }
 
 TraceRay PathTracer::ray_of(const PathSegment& s) const {
-  return {s.origin, kInfinity, s.direction, motion_ ? time_of(s.pixel, s.sample) : 0.f};
+  return {s.origin, kInfinity, s.direction, motion_ ? time_of(s) : 0.f};
 }
 
 void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::uint64_t first, std::uint64_t count,
@@ -154,26 +158,37 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
   auto sample = static_cast<std::uint32_t>(range.sample_begin + first % samples);
   auto x = static_cast<std::uint32_t>(range.x0 + first / samples % tile_width);
   auto y = static_cast<std::uint32_t>(range.y0 + first / samples / tile_width);
-  for (std::uint64_t i = 0; i < count; i += kLanes) {
-    const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(kLanes, count - i));
-    out.resize(out.size() + n);
-    PathSegment* const eight = out.data() + (out.size() - n);
-    for (std::size_t lane = 0; lane < n; ++lane) {
-      PathSegment& s = eight[lane];
-      s.task = range.task;
-      s.owner = owner;
-      s.pixel = y * job_.film.frame.width + x;
-      s.sample = sample;
-      s.flags = kSpecularBounce | kCameraRay;
-      s.medium = camera_medium_;
-      corners.put(0, lane, Vec2(static_cast<float>(x), static_cast<float>(y)));
-      sequences[lane] = SampleSequence(job_.sequence, job_.seed, s.pixel, s.sample);
+  const bool shares = range.shares && shared_.group > 1;
+  // Samples of this pixel that are made here: a group of which all are goes as one.
+  std::uint32_t from = sample;
+  std::uint64_t to = std::min<std::uint64_t>(range.sample_end, sample + count);
+  for (std::uint64_t left = count; left > 0;) {
+    out.resize(out.size() + kLanes);
+    PathSegment* const eight = out.data() + (out.size() - kLanes);
+    std::size_t n = 0;
+    for (; n < kLanes && left > 0; --left) {
+      const std::uint32_t first_of_group = shared_.first(sample);
+      const bool whole = shares && first_of_group >= from && first_of_group + 2 * (shared_.group - 1) < to;
+      if (!whole || first_of_group == sample) {
+        PathSegment& s = eight[n];
+        s.task = range.task;
+        s.owner = owner;
+        s.pixel = y * job_.film.frame.width + x;
+        s.sample = sample;
+        s.flags = static_cast<std::uint16_t>(kSpecularBounce | kCameraRay | (shares ? kSharesRay : 0) | (whole ? kHoldsGroup : 0));
+        s.medium = camera_medium_;
+        corners.put(0, n, Vec2(static_cast<float>(x), static_cast<float>(y)));
+        sequences[n] = SampleSequence(job_.sequence, job_.seed, s.pixel, shared_.ray_sample(sample, shares));
+        ++n;
+      }
       if (++sample < range.sample_end) continue;
-      sample = range.sample_begin;
+      from = sample = range.sample_begin;
+      to = std::min<std::uint64_t>(range.sample_end, sample + (left - 1));
       if (++x < range.x1) continue;
       x = range.x0;
       ++y;
     }
+    out.resize(out.size() - (kLanes - n));
     for (std::size_t lane = n; lane < kLanes; ++lane) {  // what is missing to eight is made and dropped
       corners.put(0, lane, Vec2(0.f));
       sequences[lane] = sequences[0];
@@ -205,7 +220,7 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
       }
       if (camera_->moves()) {
         CameraRay moved{s.origin, s.direction, s.cone_width, s.cone_spread};
-        camera_->place(time_of(s.pixel, s.sample), moved);
+        camera_->place(time_of(s), moved);
         s.origin = moved.origin;
         s.direction = moved.direction;
         s.cone_width = moved.cone_width;
@@ -214,8 +229,8 @@ void PathTracer::camera(const RendererRange& range, std::uint16_t owner, std::ui
   }
 }
 
-bool PathTracer::in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const {
-  return filter_->negative(SampleSequence(job_.sequence, job_.seed, pixel, sample).get_2d(0));
+bool PathTracer::in_negative_lobe(std::uint32_t pixel, std::uint32_t sample, bool shares) const {
+  return filter_->negative(SampleSequence(job_.sequence, job_.seed, pixel, shared_.ray_sample(sample, shares)).get_2d(0));
 }
 
 // Of a path that is of one channel; else all channels are alike to grids.
@@ -293,7 +308,7 @@ void PathTracer::trace_eight(const ResidentSet& set, PathSegment* s, Hit* hits, 
   RayPacket rays{{in[0], in[1], in[2]}, kInfinity, {in[3], in[4], in[5]}};
   std::array<float, 8> times;
   if (motion_) {
-    for (std::size_t i = 0; i < 8; ++i) times[i] = time_of(s[i].pixel, s[i].sample);
+    for (std::size_t i = 0; i < 8; ++i) times[i] = time_of(s[i]);
     rays.times = times.data();
   }
   const std::uint32_t good = lanes::to_bits(traceable(rays.origin, rays.direction));

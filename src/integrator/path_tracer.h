@@ -6,6 +6,7 @@
 #include "film/camera.h"
 #include "integrator/engine.h"
 #include "integrator/job.h"
+#include "integrator/shared_rays.h"
 #include "parts/part_map.h"
 #include "shading/lights.h"
 #include "shading/material.h"
@@ -40,7 +41,7 @@ class PathTracer final : public PathEngine {
   void nearest(std::span<const OcclusionRay> rays, std::span<AnsweredHit> hits) const override;
   void mark_tested(PathSegment& segment, float t_max, const std::vector<bool>& answered) const override;
   bool has_motion() const override { return motion_; }
-  bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const override;
+  bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample, bool shares) const override;
   bool has_negative_lobes() const override { return job_.lobes.sums_per_pixel() > 1; }
   bool may_splat(std::uint32_t pixel) const override { return light_paths_ != LightPaths::none && Film::holds(job_.film.frame, pixel); }
   std::uint32_t film_width() const override { return job_.film.frame.width; }
@@ -78,7 +79,9 @@ class PathTracer final : public PathEngine {
   static constexpr std::uint8_t kBlocked = 1, kPartsMissing = 2;
   void find_blocked(const ResidentSet& set, std::span<const OcclusionRay> rays, std::span<const float> times,
                     std::span<std::uint8_t> found) const;
-  float time_of(std::uint32_t pixel, std::uint32_t sample) const;
+  float time_of(const PathSegment& s) const;
+  // Whose numbers its camera ray took.
+  std::uint32_t ray_sample(const PathSegment& s) const { return shared_.ray_sample(s.sample, (s.flags & kSharesRay) != 0); }
   // PathSegment::light_ratio() of a path from the camera that arrives at a vertex, by its hit there.
   float light_ratio(const PathSegment& s, const Hit& hit) const;
   TraceRay ray_of(const PathSegment& s) const;
@@ -115,6 +118,7 @@ class PathTracer final : public PathEngine {
   std::vector<bool> bounded_;  // by medium: Manifest::bounded_media; empty where there is none
   bool one_channel_ = false;  // a path is of one channel: grids differ between them
   LightPaths light_paths_ = LightPaths::none;
+  SharedRays shared_;  // camera rays
   float film_pixels_ = 0;  // that are rendered
   bool null_surfaces_ = false;  // shadow rays pass surfaces without material: these are all in the main scene
   std::unique_ptr<Camera> camera_;

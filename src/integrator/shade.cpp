@@ -37,7 +37,7 @@ template Vec3 PathTracer::Shader::lit_side<float>(const Bsdf&, const Vec3&, cons
 SurfacePoint PathTracer::Shader::surface(const Vec3& origin, const Vec3& direction, const Hit& hit, std::uint32_t& material,
                                          std::uint32_t& light, bool derivatives) const {
   if (hit.geometry == kAnsweredHit) return surface(answered[hit.index], hit, material, light, derivatives);
-  const float time = hit.instance != kNone && tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f;
+  const float time = hit.instance != kNone && tracer.motion_ ? tracer.time_of(*path) : 0.f;
   return tracer.surface(set, origin, direction, time, hit, material, light, derivatives);
 }
 
@@ -108,6 +108,11 @@ void PathTracer::Shader::end() {
     if (!(s.flags & kHitTold)) end_flags |= kEndWithoutHit;
     if (!(s.flags & kSurfaceTold)) end_flags |= kEndWithoutSurface;
   }
+  if (s.flags & kHoldsGroup)
+    for (std::uint32_t i = 1; i < group_of(s); ++i) {
+      const auto untold = static_cast<std::uint16_t>(end_flags & (kEndWithoutHit | kEndWithoutSurface));
+      out.ended.push_back({s.task, s.pixel, s.sample + 2 * i, s.owner, untold, {}, target});
+    }
   out.ended.push_back({s.task, s.pixel, s.sample, s.owner, end_flags, s.radiance, target});
   const auto index = static_cast<std::uint32_t>(out.ended.size() - 1);
   for (std::size_t i = first_shadow; i < shadows.lights.size(); ++i) {
@@ -121,7 +126,7 @@ PathSegment& PathTracer::Shader::next() {
   s.best = {};
   s.tested = 0;
   s.window = 0;
-  s.flags = static_cast<std::uint16_t>(s.flags & ~(kMainTested | kCameraRay));
+  s.flags = static_cast<std::uint16_t>(s.flags & ~(kMainTested | kCameraRay | kHoldsGroup));
   ++out.counts.bounce;
   const auto index = static_cast<std::uint32_t>(out.continuing.size() - 1);
   for (std::size_t i = first_shadow; i < shadows.lights.size(); ++i) {
@@ -159,7 +164,7 @@ void PathTracer::Shader::escape() {
     add(s.throughput * radiance * shared_weight(s, weight, tracer.lights_->infinite_emission(s.origin, s.direction)));
   } else if (finds_infinite(s)) {
     add(escaped<float>(true, {s.direction, s.throughput, s.scattered_at(), s.previous_normal, s.previous_pdf},
-                       !(s.flags & kSpecularBounce)));
+                       !(s.flags & kSpecularBounce)) * times_seen(s));
   }
   end();
 }
@@ -195,6 +200,7 @@ void PathTracer::Shader::direct(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatter
   const Vec3Of<F> f = bsdf.eval_cos(v.wo, sample.wi, pdf);
   arrives = arrives && !lanes::is_black(f);
   if (tracer.even_lobes_) pdf = bsdf.even_pdf(v.wo, sample.wi);
+  if (v.shares) pdf *= v.group;  // so many rays may find the light
   F weight = lanes::select(sample.delta, F(1.f), power_weight<F>(sample.weight_pdf, pdf));
   if (tracer.light_paths_ == LightPaths::all) weight = with_light_paths(weight, sample_ratio(bsdf, v, sample));
   v.asks = arrives;
@@ -202,6 +208,7 @@ void PathTracer::Shader::direct(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatter
   v.light_direction = sample.wi;
   v.light_distance = shadow_length(sample.distance);
   v.light = v.throughput * f * sample.radiance * (weight / sample.pdf);
+  if (v.shares) v.light *= v.group;
 }
 
 // Ends paths that have come far enough, and some that carry little (Russian roulette).
@@ -227,7 +234,13 @@ void PathTracer::Shader::thin_out(ScatterOf<F>& v) const {
 template <class F>
 void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const {
   v.side = lit_side(bsdf, v.ns, bsdf.ng(), v.wo);
-  if (bsdf.has_smooth() && !tracer.lights_->empty()) direct(bsdf, active, v);
+  if (bsdf.has_smooth() && !tracer.lights_->empty()) direct(bsdf, active && v.leads, v);
+  choose_ray(bsdf, active, v);
+}
+
+template <class F>
+void PathTracer::Shader::choose_ray(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const {
+  v.invalid = MaskOf<F>(false);
   BsdfSampleOf<F> sample;
   v.goes_on = active && bsdf.sample(v.wo, v.numbers[kLobeAndRoulette].x, v.numbers[kDirection], sample);
   if (!lanes::any(v.goes_on)) return;
@@ -238,12 +251,44 @@ void PathTracer::Shader::scatter(const BsdfOf<F>& bsdf, MaskOf<F> active, Scatte
   v.origin = ray_start(v.p, v.offset, v.ng, sample.wi);
   v.direction = sample.wi;
   v.pdf = tracer.even_lobes_ ? bsdf.even_pdf(v.wo, sample.wi) : sample.pdf;
+  if (v.shares) v.pdf *= v.group;
   if (tracer.light_paths_ != LightPaths::none) v.ratio = light_ratio_behind(bsdf, v, sample);
 }
 template void PathTracer::Shader::direct<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::thin_out<float>(ScatterOf<float>&) const;
 template void PathTracer::Shader::scatter<float>(const Bsdf&, bool, ScatterOf<float>&) const;
 template void PathTracer::Shader::scatter<Float8>(const Bsdf8&, Mask8, ScatterOf<Float8>&) const;
+template void PathTracer::Shader::choose_ray<Float8>(const Bsdf8&, Mask8, ScatterOf<Float8>&) const;
+
+void PathTracer::Shader::scatter_group(const Bsdf& bsdf, ScatterOf<float>& v, float t) {
+  const PathSegment whole = *path;
+  const JobSettings& job = tracer.job_;
+  const auto numbers_of = [&](std::uint32_t sample) {
+    return SampleSequence(job.sequence, job.seed, whole.pixel, sample).get_pairs(whole.vertex);
+  };
+  const std::uint32_t n = group_of(whole);
+  const auto light_numbers = numbers_of(tracer.ray_sample(whole));
+  v.numbers[kLightChoice] = light_numbers[kLightChoice];
+  v.numbers[kLightPoint] = light_numbers[kLightPoint];
+  v.shares = true;
+  v.group = static_cast<float>(n);
+  v.leads = leads(whole);
+  const Vec3 throughput = v.throughput;
+  path->flags = static_cast<std::uint16_t>(whole.flags & ~kHoldsGroup);
+  scatter(bsdf, true, v);
+  scattered(ScatterResults(v), 0, t);
+  if (!(whole.flags & kHoldsGroup)) return;
+  v.asks = false;
+  PathSegment member;
+  for (std::uint32_t i = 1; i < n; ++i) {
+    begin_member(whole, i, member);
+    const auto own = numbers_of(member.sample);
+    for (const std::size_t pair : {kLobeAndRoulette, kDirection}) v.numbers[pair] = own[pair];
+    v.throughput = throughput;
+    choose_ray(bsdf, true, v);
+    scattered(ScatterResults(v), 0, t);
+  }
+}
 
 void PathTracer::Shader::ask_for_light(const ScatterResults& r, std::size_t lane) {
   using R = ScatterResults;
@@ -306,6 +351,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   const Vec3 offset = ray_offset(p.p, p.p_error, p.ng);
 
   const bool is_null = tracer.shading_->is_null(material);
+  if (is_null && group_of(s) > 1) return each_alone([&] { vertex(hit); });
   if (tells_features() && !is_null) tell_surface(hit, material, p);
   const bool sees_light = job.integrator != IntegratorKind::ambient_occlusion;
   if (!sees_light && !is_null) {
@@ -317,7 +363,7 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     if (!is_black(radiance)) {
       const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive, p.p, s.direction) : 0.f;
       if (s.flags & kSpecularBounce) {
-        if (s.vertex <= job.emission_vertex) add(s.throughput * radiance * shared_weight(s, 1.f, emission));
+        if (s.vertex <= job.emission_vertex) add(s.throughput * radiance * (shared_weight(s, 1.f, emission) * times_seen(s)));
       } else if (!tracer.lights_->is_only_seen(light)) {
         const float way = hit.t + std::max(0.f, -s.cone_width);
         const float pdf = tracer.lights_->emitted_pdf(light, s.scattered_at(), s.previous_normal, s.direction, way, p.p, p.ng, hit.primitive);
@@ -360,7 +406,10 @@ void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, con
   const PathSegment& s = *path;
   const float t = hit.t;
   if (SubsurfacePoint inside; tracer.subsurface_ && tracer.shading_->subsurface(material, p, print, inside))
-    return enter(material, inside.medium, p, print, t);
+    return each_alone([&] {
+      SurfacePoint at = p;
+      enter(material, inside.medium, at, print, t);
+    });
   const Vec3 wo = -s.direction;
   Bsdf bsdf = tracer.shading_->lobes(material, p, print, is_regularized(s));
   if (bsdf.empty()) return end();
@@ -369,6 +418,7 @@ void PathTracer::Shader::scatter_at(std::uint32_t material, SurfacePoint& p, con
   const auto numbers = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample).get_pairs(s.vertex);
   ScatterOf<float> v = scatter_of(p, offset, wo, s, numbers);
   v.ratio = tracer.light_ratio(s, hit);
+  if (group_of(s) > 1) return scatter_group(bsdf, v, t);
   scatter(bsdf, true, v);
   scattered(ScatterResults(v), 0, t);
 }

@@ -129,7 +129,7 @@ void PathTracer::EightShader::shade(Escapes& e, bool weighted) {
   const Vec3x8 light = shader_.escaped<Float8>(lanes::from_mask_bits((1u << e.count) - 1u), escape, weighted);
   for (std::size_t lane = 0; lane < e.count; ++lane) {
     shader_.begin(batch_.segments[e.segments[lane]]);
-    shader_.add(lanes::get(light, lane));
+    shader_.add(lanes::get(light, lane) * shader_.times_seen(*shader_.path));
     shader_.end();
   }
   e.count = 0;
@@ -189,15 +189,60 @@ void PathTracer::EightShader::shade(Waiting& w) {
   Bsdf8 bsdf(FrameOf<Float8>(w.at.three(9), w.at.three(12), v.ns), w.at.three(18));
   bsdf.add(std::span<const LobeOf<Float8>>(w.lobes.data(), static_cast<std::size_t>(w.lobe_count)));
   bsdf.finish(v.wo);
-  shader_.scatter(bsdf, lanes::from_mask_bits((1u << w.count) - 1u), v);
+  scatter(bsdf, v, w.segments, w.count, w.end_flags.data());
+  w.count = 0;
+}
+
+void PathTracer::EightShader::scatter(const Bsdf8& bsdf, ScatterOf<Float8>& v, const std::array<std::size_t, kLanes>& segments,
+                                      std::size_t count, const std::uint16_t* end_flags) {
+  const Vec3x8 throughput = v.throughput;
+  shader_.scatter(bsdf, lanes::from_mask_bits((1u << count) - 1u), v);
   ScatterResults results(v);
   if (results.asks && shader_.plain_light) results.quantise_light(v.light, shader_.tracer.fixed_units_);
-  for (std::size_t lane = 0; lane < w.count; ++lane) {
-    const std::size_t i = w.segments[lane];
-    shader_.resume(batch_.segments[i], w.end_flags[lane]);
-    shader_.scattered(results, lane, batch_.hits[i].t);
+  std::uint32_t holding = 0;
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    PathSegment& s = batch_.segments[segments[lane]];
+    if (end_flags) shader_.resume(s, end_flags[lane]);
+    else shader_.begin(s);
+    if (s.flags & kHoldsGroup) {
+      holding |= 1u << lane;
+      s.flags = static_cast<std::uint16_t>(s.flags & ~kHoldsGroup);
+    }
+    shader_.scattered(results, lane, batch_.hits[segments[lane]].t);
   }
-  w.count = 0;
+  if (holding) scatter_members(bsdf, v, segments, holding, throughput);
+}
+
+void PathTracer::EightShader::scatter_members(const Bsdf8& bsdf, ScatterOf<Float8>& v, const std::array<std::size_t, kLanes>& segments,
+                                              std::uint32_t holding, const Vec3x8& throughput) {
+  const JobSettings& job = shader_.tracer.job_;
+  v.asks = Mask8(false);
+  std::array<std::uint32_t, kLanes> vertices, counts{};
+  std::uint32_t most = 0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const PathSegment& s = batch_.segments[segments[lane]];
+    vertices[lane] = s.vertex;
+    if (holding >> lane & 1u) most = std::max(most, counts[lane] = shader_.tracer.shared_.group);
+  }
+  PathSegment member;
+  for (std::uint32_t m = 1; m < most; ++m) {
+    SampleSequence::Eight sequences;
+    std::uint32_t active = 0;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const PathSegment& s = batch_.segments[segments[lane]];
+      sequences[lane] = SampleSequence(job.sequence, job.seed, s.pixel, s.sample + 2 * m);
+      active |= static_cast<std::uint32_t>(m < counts[lane]) << lane;
+    }
+    v.numbers = SampleSequence::get_pairs(sequences, vertices, kLobeAndRoulette);
+    v.throughput = throughput;
+    shader_.choose_ray(bsdf, lanes::from_mask_bits(active), v);
+    const ScatterResults results(v);
+    for (std::uint32_t left = active; left; left &= left - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(left));
+      shader_.begin_member(batch_.segments[segments[lane]], m, member);
+      shader_.scattered(results, lane, batch_.hits[segments[lane]].t);
+    }
+  }
 }
 
 void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segments, ScatterOf<Float8>& v) const {
@@ -205,8 +250,10 @@ void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segme
   std::array<const float*, kLanes> ways;
   SampleSequence::Eight sequences;
   std::array<std::uint32_t, kLanes> vertices;
+  bool shared = false;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const PathSegment& s = batch_.segments[segments[lane]];
+    shared = shared || shader_.group_of(s) > 1;
     ways[lane] = &s.direction.x;
     sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, s.sample);
     vertices[lane] = s.vertex;
@@ -218,7 +265,20 @@ void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segme
   const auto way = lanes::gather<8>(ways);
   v.wo = {-way[0], -way[1], -way[2]};
   v.throughput = {way[3], way[4], way[5]};
-  v.numbers = SampleSequence::get_pairs(sequences, vertices, tracer.first_pair_);
+  v.numbers = SampleSequence::get_pairs(sequences, vertices, shared ? std::uint32_t{kLobeAndRoulette} : tracer.first_pair_);
+  if (!shared) return;
+  v.shares = true;
+  std::uint32_t leads = 0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const PathSegment& s = batch_.segments[segments[lane]];
+    const std::uint32_t group = shader_.group_of(s);
+    sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, tracer.ray_sample(s));
+    lanes::put(v.group, lane, static_cast<float>(group));
+    leads |= static_cast<std::uint32_t>(group == 1 || shader_.leads(s)) << lane;
+  }
+  v.leads = lanes::from_mask_bits(leads);
+  const auto lights = SampleSequence::get_pairs(sequences, vertices, tracer.first_pair_, kLobeAndRoulette);
+  for (const std::size_t pair : {kLightChoice, kLightPoint}) v.numbers[pair] = lights[pair];
 }
 
 PathTracer::EightShader::Gathered PathTracer::EightShader::gather(std::size_t kind, const Group& group) const {
@@ -278,15 +338,7 @@ void PathTracer::EightShader::shade(std::size_t kind, Group& group) {
   v.offset = ray_offset(point.p, point.p_error, point.ng);
   bring(g.segments, v);
   const Bsdf8 bsdf = tracer.shading_->bsdf(g.materials, v.ns, v.ng, v.wo);
-  shader_.scatter(bsdf, lanes::from_mask_bits((1u << group.count) - 1u), v);
-
-  ScatterResults results(v);
-  if (results.asks && shader_.plain_light) results.quantise_light(v.light, shader_.tracer.fixed_units_);
-  for (std::size_t lane = 0; lane < group.count; ++lane) {
-    const std::size_t i = group.segments[lane];
-    shader_.begin(batch_.segments[i]);
-    shader_.scattered(results, lane, batch_.hits[i].t);
-  }
+  scatter(bsdf, v, group.segments, group.count, nullptr);
   group.count = 0;
 }
 

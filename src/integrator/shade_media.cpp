@@ -118,7 +118,7 @@ Rgb PathTracer::Shader::shadow_transmittance(const Vec3& origin, const Vec3& dir
   float reach = distance >= shadow_length(kInfinity) ? std::min(distance, tracer.longest_shadow_) : distance;
   if (!tracer.null_surfaces_) return media.transmittance(medium, {origin, direction, reach});
   Rgb passed(1.f);
-  Crossings at(tracer, set, origin, direction, distance, tracer.motion_ ? tracer.time_of(path->pixel, path->sample) : 0.f);
+  Crossings at(tracer, set, origin, direction, distance, tracer.motion_ ? tracer.time_of(*path) : 0.f);
   Vec3 from = origin;
   while (at.next()) {
     if (!tracer.shading_->is_null(at.material())) return Rgb(0.f);

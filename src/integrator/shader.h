@@ -61,6 +61,10 @@ struct ScatterOf {
   IntOf<F> vertex;  // surfaces scattered at before this one
   // Before and, where the path goes on, after.
   Vec3Of<F> throughput;
+  // Of paths whose sample shares its camera ray: as many as do, and whether it brings the light of the light sample.
+  bool shares = false;
+  F group{1.f};
+  MaskOf<F> leads{true};
 
   // Found by scatter(): a shadow ray is to be counted, and traced with light that arrives if it is free ...
   MaskOf<F> asks{false};
@@ -195,6 +199,37 @@ struct PathTracer::Shader {
     first_shadow = shadows.lights.size();
     if (segment.flags & kCameraRay) ++out.counts.camera;
   }
+  // Goes on with sample number i, but not the first, of the group that the path under work stands for, in `member`.
+  void begin_member(const PathSegment& of, std::uint32_t i, PathSegment& member) {
+    member = of;
+    member.flags = static_cast<std::uint16_t>(of.flags & ~kHoldsGroup);
+    member.sample += 2 * i;
+    member.radiance = {};
+    resume(member, 0);
+  }
+  // Samples that share the ray of a path, as long as it is the camera's.
+  std::uint32_t group_of(const PathSegment& s) const { return (s.flags & kCameraRay) && (s.flags & kSharesRay) ? tracer.shared_.group : 1; }
+  bool leads(const PathSegment& s) const { return tracer.shared_.first(s.sample) == s.sample; }
+  // How often light counts that the path sees: for all of its group, or not at all.
+  float times_seen(const PathSegment& s) const {
+    const std::uint32_t n = group_of(s);
+    return n == 1 ? 1.f : leads(s) ? static_cast<float>(n) : 0.f;
+  }
+  // Each sample of the path's group does f for itself: they share nothing but the ray.
+  template <class F>
+  void each_alone(F&& f) {
+    path->flags = static_cast<std::uint16_t>(path->flags & ~kCameraRay);
+    if (!(path->flags & kHoldsGroup)) return f();
+    PathSegment member;
+    const PathSegment whole = *path;
+    const std::uint32_t n = tracer.shared_.group;
+    path->flags = static_cast<std::uint16_t>(path->flags & ~kHoldsGroup);
+    f();
+    for (std::uint32_t i = 1; i < n; ++i) {
+      begin_member(whole, i, member);
+      f();
+    }
+  }
   // Goes on with a path that has waited at its vertex.
   void resume(PathSegment& segment, std::uint16_t flags) {
     path = &segment;
@@ -236,7 +271,7 @@ struct PathTracer::Shader {
       shadows.lights.pop_back();
       return nullptr;
     }
-    if (tracer.motion_) shadows.times.push_back(tracer.time_of(path->pixel, path->sample));
+    if (tracer.motion_) shadows.times.push_back(tracer.time_of(*path));
     return &shadows.rays.emplace_back();
   }
 
@@ -343,6 +378,11 @@ struct PathTracer::Shader {
   }
   template <class F>
   void direct(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
+  // The rest of scatter(): the next ray.
+  template <class F>
+  void choose_ray(const BsdfOf<F>& bsdf, MaskOf<F> active, ScatterOf<F>& v) const;
+  // scatter() and scattered() for the path under work, and for all whom it stands for.
+  void scatter_group(const Bsdf& bsdf, ScatterOf<float>& v, float t);
   template <class F>
   void thin_out(ScatterOf<F>& v) const;
   void ask_for_light(const ScatterResults& r, std::size_t lane);
@@ -417,6 +457,12 @@ class PathTracer::EightShader {
   void shade(Escapes& escapes, bool weighted);
   // Fills in what paths bring to a vertex.
   void bring(const std::array<std::size_t, kLanes>& segments, ScatterOf<Float8>& v) const;
+  // What happens at eight vertices of which `count` are there; end_flags: null for paths that begin to be shaded.
+  void scatter(const Bsdf8& bsdf, ScatterOf<Float8>& v, const std::array<std::size_t, kLanes>& segments, std::size_t count,
+               const std::uint16_t* end_flags);
+  // The other samples of the groups among them; throughput: before the vertex.
+  void scatter_members(const Bsdf8& bsdf, ScatterOf<Float8>& v, const std::array<std::size_t, kLanes>& segments, std::uint32_t holding,
+                       const Vec3x8& throughput);
 
   Shader& shader_;
   SegmentBatch& batch_;

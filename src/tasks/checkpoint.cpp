@@ -19,7 +19,7 @@ constexpr std::uint32_t kLargestTile = 128, kLargestFilm = 1u << 16;
 constexpr std::uint8_t kInexact = 1, kCounts = 2;
 // Flags of a job; of LightPaths and MediaTransport the lowest of two bits.
 constexpr std::uint32_t kJobFeatures = 1, kJobNegativeLobes = 2, kJobLightPaths = 4, kJobMedia = 16, kJobBoundaries = 64,
-                        kJobRegularize = 128, kJobUnknown = ~255u;
+                        kJobRegularize = 128, kJobSamplesPerRay = 256, kJobIfWorth = 1024, kJobUnknown = ~2047u;
 constexpr std::size_t kFeatureSumBytes = sizeof(Int128), kFeatureBytes = 4 + 4 * kFeatureIds + kFeatureSumBytes * kFeatureNumbers;
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they are");
@@ -116,6 +116,8 @@ CheckpointJob checkpoint_job(std::uint64_t split, const JobSettings& s) {
   job.media = s.media;
   job.subsurface = s.subsurface;
   job.regularize = s.regularize;
+  job.samples_per_ray = s.samples_per_ray;
+  job.share_if_worth = s.share_if_worth;
   return job;
 }
 
@@ -183,7 +185,9 @@ Bytes encode_header(const CheckpointJob& job) {
   put(out, job.footprint_spp);
   put(out, (job.features ? kJobFeatures : 0u) | (job.negative_lobes ? kJobNegativeLobes : 0u) |
                kJobLightPaths * static_cast<std::uint32_t>(job.light_paths) | kJobMedia * static_cast<std::uint32_t>(job.media) |
-               (job.subsurface ? 0u : kJobBoundaries) | (job.regularize ? kJobRegularize : 0u));
+               (job.subsurface ? 0u : kJobBoundaries) | (job.regularize ? kJobRegularize : 0u) |
+               kJobSamplesPerRay * static_cast<std::uint32_t>(std::countr_zero(job.samples_per_ray)) |
+               (job.share_if_worth ? kJobIfWorth : 0u));
   put(out, hash(out));
   static_assert(kCheckpointHeaderBytes == 8 + 2 * 4 + 3 * 8 + 6 * 4 + 10 * 4 + 8);
   return out;
@@ -228,6 +232,8 @@ Result<std::optional<CheckpointJob>> read_header(std::span<const std::byte> byte
   job.media = static_cast<MediaTransport>(flags / kJobMedia % 4);
   job.subsurface = (flags & kJobBoundaries) == 0;
   job.regularize = (flags & kJobRegularize) != 0;
+  job.samples_per_ray = 1u << (flags / kJobSamplesPerRay % 4);
+  job.share_if_worth = (flags & kJobIfWorth) != 0;
   if (f.width > kLargestFilm || f.height > kLargestFilm || f.x0 >= f.x1 || f.y0 >= f.y1 ||
       f.x1 > f.width || f.y1 > f.height || job.tile > kLargestTile || (flags & kJobUnknown) != 0 || job.light_paths > LightPaths::all ||
       integrator > static_cast<std::uint32_t>(IntegratorKind::ambient_occlusion))

@@ -6,7 +6,8 @@
 //   8 bytes "crckpt\r\n", u32 version, u32 bytes of the header, u64 split, u64 fingerprint,
 //   u64 seed, u32 width, height, x0, y0, x1, y1, i32 k, u32 tile, u32 integrator, light_vertices,
 //   emission_vertex, sequence, ao_cosine, f32 ao_distance, u32 footprint_spp, u32 flags (1: features; 2: negative lobes; 4, 8: LightPaths;
-//   16, 32: MediaTransport; 64: no light scatters below surfaces),
+//   16, 32: MediaTransport; 64: no light scatters below surfaces; 128: regularized; 256, 512: the logarithm to base 2 of the
+//   samples that share a camera ray, of the first run; 1024: if it is worth it),
 //   u64 XXH3-64 of all that is before it
 // A record:
 //   u32 "tile", u32 bytes of its body, u64 XXH3-64 of the body, seeded with the header's checksum
@@ -59,6 +60,8 @@ struct CheckpointJob {
   MediaTransport media = MediaTransport::none;
   bool subsurface = true;
   bool regularize = false;
+  std::uint32_t samples_per_ray = 1;  // of the first run
+  bool share_if_worth = false;
   friend bool operator==(const CheckpointJob&, const CheckpointJob&) = default;
 };
 // Tile and fingerprint are the cluster's, and left out.

@@ -443,7 +443,7 @@ WorkResult run(const PathEngine& engine, Work& work, CollectWork& w) {
         ++r.unknown;
         continue;
       }
-      switch (ledger->second.record(e, lobes && engine.in_negative_lobe(e.pixel, e.sample))) {
+      switch (ledger->second.record(e, lobes && engine.in_negative_lobe(e.pixel, e.sample, ledger->second.range().shares))) {
         case RendererLedger::Outcome::counted:
           break;
         case RendererLedger::Outcome::duplicate:

@@ -73,6 +73,8 @@ Result<HostId> ManagerCore::join(const wire::Hello& hello, double now) {
     return refuse("the job has paths from lights, and the host does not know how to trace them (\"aimed light paths\")");
   if (film_.sums_per_pixel() > 1 && can(hello, wire::RENDERER) && !has_feature(hello, "lobes"))
     return refuse("the scene's pixel filter has negative lobes, and the host does not know how to sum them apart (\"lobes\")");
+  if (job_.samples_per_ray > 1 && can(hello, wire::TRACER) && !has_feature(hello, "shared rays"))
+    return refuse("samples of the job share camera rays, and the host does not know how to (\"shared rays\"; --samples-per-ray 1 does without)");
   const std::uint64_t least = main_bytes() + job_.parts[0].build;
   if (can(hello, wire::TRACER) && hello.memory() < least)
     return refuse("the host may use " + std::to_string(hello.memory() >> 20) +
@@ -352,8 +354,12 @@ void ManagerCore::remove(HostId id, bool lost, double now) {
     if (const auto twin = outstanding_.find(o->second.twin); twin != outstanding_.end()) {
       twin->second.twin = 0;  // it alone is left
     } else {
-      returned_.push_back(o->second.range);
-      unassigned_paths_ += o->second.range.paths();
+      if (o->second.range.trial) {
+        trial_->give_back(o->second.range);
+      } else {
+        returned_.push_back(o->second.range);
+        unassigned_paths_ += o->second.range.paths();
+      }
     }
     o = outstanding_.erase(o);
   }

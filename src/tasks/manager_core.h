@@ -19,10 +19,12 @@
 
 #include "base/error.h"
 #include "film/film.h"
+#include "integrator/shared_rays.h"
 #include "tasks/checkpoint.h"
 #include "tasks/placement.h"
 #include "tasks/progress_record.h"
 #include "tasks/sample_set.h"
+#include "tasks/share_trial.h"
 #include "wire/messages.h"
 
 namespace cloudrenderer {
@@ -65,6 +67,8 @@ struct JobSpec {
   int k = 0;
   FilterLobes lobes;
   std::uint32_t spp = 1;
+  std::uint32_t samples_per_ray = 1;  // as in JobSettings: tasks keep the groups of samples whole
+  bool share_if_worth = false;
   std::uint64_t seed = 0;
   std::vector<PlacementPart> parts;  // [0] the main scene's geometry
   std::vector<std::uint64_t> prototype_bytes;
@@ -122,6 +126,7 @@ class ManagerCore {
   bool restore_goals(std::vector<std::uint32_t> goals);
   std::uint32_t decisions() const { return decisions_; }  // how often the goals have changed
   std::uint32_t complete_samples() const;  // samples per pixel of all complete rounds
+  std::uint32_t samples_per_ray() const { return shares_ ? job_.samples_per_ray : 1; }
 
   // What an earlier run of this job has done; before the first host joins, with fixed_tile. False,
   // and nothing has changed: it is no tile of this film, or some of it is already there, or it has
@@ -329,6 +334,11 @@ class ManagerCore {
   void count_rounds();
   bool held_to_the_end() const;
   SampleRange wanted(std::size_t tile) const;  // of the round that is handed out
+  // Samples that share camera rays are rendered together, or not at all: a picture with some of a group is wrong.
+  void begin_trial();
+  void end_trial();
+  std::uint32_t whole_groups(std::uint32_t samples) const;  // at least so many, with the last one's group
+  SharedRays shared_rays() const { return {job_.samples_per_ray, job_.spp}; }
   std::uint64_t missing_paths() const;
   void cover(std::size_t tile, SampleRange samples);
   void advance_cursor();
@@ -377,6 +387,8 @@ class ManagerCore {
   std::uint32_t decisions_ = 0;
   std::vector<TileSums> merged_;
   std::vector<RendererRange> returned_;
+  std::optional<ShareTrial> trial_;  // goes before all else
+  bool shares_ = false;              // samples share camera rays, where their groups are whole
   std::map<std::uint32_t, Outstanding> outstanding_;
   std::uint32_t next_task_ = 1;
   bool stopped_ = false;

@@ -31,6 +31,7 @@ void ManagerCore::begin_rendering(double now) {
     begin_held_rounds();
   else if (hosts_.size() > kFew)
     lengthen_rounds();
+  begin_trial();
   advance_cursor();
   for (auto& [id, h] : hosts_) h.rate_since = now;
   for (Team& t : teams_)
@@ -73,7 +74,7 @@ void ManagerCore::begin_held_rounds() {
     for (const SampleSet& s : covered_)
       if (!s.ranges().empty()) most = std::max(most, s.ranges().back().end);
     const std::uint32_t step = options_.round_samples;
-    goals_.assign(covered_.size(), std::min(job_.spp, (most + step - 1) / step * step));
+    goals_.assign(covered_.size(), whole_groups((most + step - 1) / step * step));
     ++decisions_;
   }
   unassigned_paths_ = missing_paths();
@@ -207,7 +208,7 @@ ManagerCore::Turn ManagerCore::give_one(HostId id, Host& h, double now) {
   if (h.outstanding_tasks != 0 && h.outstanding_paths >= std::min(2 * credits, enough)) return Turn::enough;
   const auto range = next_range(task_paths(h, share));
   if (!range) return Turn::nothing_left;
-  unassigned_paths_ -= range->paths();
+  if (!range->trial) unassigned_paths_ -= range->paths();
   give(id, h, *range, now);
   return Turn::given;
 }
@@ -248,6 +249,7 @@ void ManagerCore::give_again(double now) {
 }
 
 std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
+  if (trial_) return trial_->next();
   if (returned_.empty()) {
     if (round_ >= allowed_rounds_) return std::nullopt;
     RendererRange whole = tile_range(cursor_tile_);
@@ -262,14 +264,29 @@ std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
   RendererRange r = returned_.back();
   returned_.pop_back();
   const std::uint64_t pixels = std::uint64_t{r.x1 - r.x0} * (r.y1 - r.y0);
-  const auto samples = static_cast<std::uint32_t>(std::min<std::uint64_t>(
-      r.sample_end - r.sample_begin, std::max<std::uint64_t>(1, paths / pixels)));
+  // Behind the last whole group nothing is shared.
+  const SharedRays groups = shared_rays();
+  r.shares = shares_ && r.sample_begin < groups.end;
+  const std::uint32_t block = groups.block(), left = (r.shares ? std::min(r.sample_end, groups.end) : r.sample_end) - r.sample_begin;
+  const auto samples = static_cast<std::uint32_t>(std::min<std::uint64_t>(left, std::max<std::uint64_t>(1, paths / pixels / block) * block));
   if (r.sample_begin + samples < r.sample_end) {  // the rest is for the next one
     RendererRange rest = r;
     r.sample_end = rest.sample_begin = r.sample_begin + samples;
     returned_.push_back(rest);
   }
   return r;
+}
+
+void ManagerCore::begin_trial() {
+  shares_ = job_.samples_per_ray > 1;
+  if (!shares_ || !job_.share_if_worth || unassigned_paths_ == 0) return;
+  shares_ = false;
+  trial_.emplace(job_.frame, film_.sums_per_pixel());
+}
+
+void ManagerCore::end_trial() {
+  shares_ = trial_->ratio().value_or(kSharedVariance) < kSharedVariance;
+  trial_.reset();
 }
 
 // To the next tile and round of which something is missing.
@@ -329,7 +346,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
       h.rate_paths /= 2;
     }
   }
-  reports_[from].paths_done += static_cast<double>(paths);
+  if (!range.trial) reports_[from].paths_done += static_cast<double>(paths);
   progress_.render_ended = now;
   record_.add(now, progress_.paths_done);
   hand_out(now, from);
@@ -337,7 +354,7 @@ void ManagerCore::handle(HostId from, Host& h, wire::Reply& m, double now) {
   if (h.leaving) try_release(from, now);
 }
 
-bool ManagerCore::nothing_left() const { return returned_.empty() && round_ >= allowed_rounds_; }
+bool ManagerCore::nothing_left() const { return !trial_ && returned_.empty() && round_ >= allowed_rounds_; }
 
 // No tile may get more samples than it has, or will have at the end of this round.
 bool ManagerCore::held_to_the_end() const {
@@ -349,10 +366,15 @@ bool ManagerCore::round_complete() const {
          !held_to_the_end();
 }
 
+std::uint32_t ManagerCore::whole_groups(std::uint32_t samples) const {
+  const std::uint32_t block = shared_rays().block();
+  return std::min(job_.spp, (samples + block - 1) / block * block);
+}
+
 void ManagerCore::next_round(double now, std::vector<std::uint32_t> goals, std::uint64_t expected) {
   if (!round_complete()) return;
   for (std::size_t tile = 0; tile < goals_.size(); ++tile)
-    goals_[tile] = std::min(job_.spp, std::max(goals_[tile], goals.empty() ? goals_[tile] + options_.round_samples : goals[tile]));
+    goals_[tile] = whole_groups(std::max(goals_[tile], goals.empty() ? goals_[tile] + options_.round_samples : goals[tile]));
   ++decisions_;
   ++allowed_rounds_;
   cursor_tile_ = 0;

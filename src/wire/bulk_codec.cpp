@@ -166,6 +166,7 @@ SubmitControl control_of(const SubmitTask& m) {
     c.set_y1(range->y1);
     c.set_sample_begin(range->sample_begin);
     c.set_sample_end(range->sample_end);
+    c.set_shares(range->shares);
   } else if (const auto* segments = std::get_if<SegmentBlock>(&m.payload)) {
     WidthScan scan;
     for_segments(*segments, [&](const PathSegment& s) { scan.add(s.radiance); });
@@ -374,7 +375,7 @@ Result<Message> read_submit(const SubmitControl& c, std::span<const std::byte> b
       return failure("tasks of this category are not submitted");
   }
   if (!bulk.empty()) return failure("a renderer task has no bulk");
-  const RendererRange r{c.task(), c.x0(), c.y0(), c.x1(), c.y1(), c.sample_begin(), c.sample_end()};
+  const RendererRange r{c.task(), c.x0(), c.y0(), c.x1(), c.y1(), c.sample_begin(), c.sample_end(), c.shares()};
   if (r.x0 >= r.x1 || r.y0 >= r.y1 || r.sample_begin >= r.sample_end)
     return failure("an empty renderer task");
   if (r.pixels() > kMaxTaskPixels || r.pixels() * (r.sample_end - r.sample_begin) > kMaxTaskPaths)

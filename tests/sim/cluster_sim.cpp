@@ -397,7 +397,7 @@ class Simulation {
             for (std::uint32_t i = range.begin; i < range.end; ++i, ++samples) {
               const std::size_t pixel = std::size_t{y} * s_.scene.width + x;
               const PathEnd& e = paths[pixel * s_.spp + i];
-              const bool negative = engine.in_negative_lobe(static_cast<std::uint32_t>(pixel), i);
+              const bool negative = engine.in_negative_lobe(static_cast<std::uint32_t>(pixel), i, false);
               if (!(e.flags & kEndInvalid)) expected[pixel * per_pixel + (negative ? 1 : 0)].add(e.radiance, i);
               if (!told.empty()) features[pixel].merge(told[pixel * s_.spp + i]);
             }

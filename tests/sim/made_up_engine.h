@@ -46,7 +46,7 @@ class MadeUpEngine final : public ListEngine {
   }
   std::uint32_t film_width() const override { return scene_.width; }
   bool has_negative_lobes() const override { return scene_.negative_lobes; }
-  bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample) const override {
+  bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample, bool) const override {
     return scene_.negative_lobes && mix64(scene_.seed * 5 + (std::uint64_t{pixel} << 32 | sample)) % 5 == 0;
   }
 

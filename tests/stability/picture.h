@@ -53,7 +53,7 @@ inline Picture render_cut(const std::string& text, Dialect dialect, std::uint64_
       ShadeOutput shaded;
       tracer.shade(batch, shaded);
       for (const PathEnd& e : shaded.ended)
-        out.film.at(e.pixel % f.width, e.pixel / f.width, tracer.in_negative_lobe(e.pixel, e.sample)).add(e.radiance, e.sample);
+        out.film.at(e.pixel % f.width, e.pixel / f.width, tracer.in_negative_lobe(e.pixel, e.sample, false)).add(e.radiance, e.sample);
       out.counts += shaded.counts;
       batch = {};
       batch.segments = std::move(shaded.continuing);
