@@ -40,21 +40,20 @@ inline Sums render(const PathTracer& tracer, std::size_t batch_size, RayCounts& 
   const FilmFrame& f = tracer.job().film.frame;
   const RendererRange range{0, f.x0, f.y0, f.x1, f.y1, 0, tracer.job().spp, shares};
   Sums sums;
-  for (std::uint64_t made = 0; made < range.paths();) {
+  SegmentBatch batch;
+  for (std::uint64_t made = 0; made < range.paths() || batch.size() != 0;) {
+    // Among those that go on.
     const std::uint64_t n = std::min<std::uint64_t>(batch_size, range.paths() - made);
-    SegmentBatch batch;
     tracer.camera(range, 1, made, n, batch.segments);
     made += n;
-    while (batch.size() != 0) {
-      tracer.trace(batch);
-      ShadeOutput out;
-      tracer.shade(batch, out);
-      for (const PathEnd& e : out.ended) EXPECT_TRUE(sums.emplace(std::pair(e.pixel, e.sample), e.radiance).second);
-      EXPECT_TRUE(out.parked.empty());
-      counts += out.counts;
-      batch = {};
-      batch.segments = std::move(out.continuing);
-    }
+    tracer.trace(batch);
+    ShadeOutput out;
+    tracer.shade(batch, out);
+    for (const PathEnd& e : out.ended) EXPECT_TRUE(sums.emplace(std::pair(e.pixel, e.sample), e.radiance).second);
+    EXPECT_TRUE(out.parked.empty());
+    counts += out.counts;
+    batch = {};
+    batch.segments = std::move(out.continuing);
   }
   return sums;
 }

@@ -272,7 +272,7 @@ void PathTracer::EightShader::bring(const std::array<std::size_t, kLanes>& segme
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const PathSegment& s = batch_.segments[segments[lane]];
     const std::uint32_t group = shader_.group_of(s);
-    sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, tracer.ray_sample(s));
+    sequences[lane] = SampleSequence(tracer.job_.sequence, tracer.job_.seed, s.pixel, group > 1 ? tracer.ray_sample(s) : s.sample);
     lanes::put(v.group, lane, static_cast<float>(group));
     leads |= static_cast<std::uint32_t>(group == 1 || shader_.leads(s)) << lane;
   }
