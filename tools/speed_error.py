@@ -169,6 +169,8 @@ def analyse(runs):
 
 def find_programs(args):
     programs = [speed_programs.Ours(args.program, args.threads, args.ours, args.runs)]
+    if args.samples_per_ray:
+        programs[0].options = ("--samples-per-ray", args.samples_per_ray)
     for version in ("v2", "v3", "v4"):
         path = getattr(args, f"pbrt_{version}")
         if path:
@@ -228,6 +230,7 @@ def main():
     parser.add_argument("--ours", choices=("v2", "v3", "v4"),
                         help="the version of the scene's text that we render; default: its own")
     to_mitsuba.add_coats_option(parser, default=True)
+    parser.add_argument("--samples-per-ray", type=int, choices=(1, 2, 4, 8), help="of ours; default: what it finds to pay")
     parser.add_argument("--hosts", type=numbers, metavar="N,N,...", help="measure the cluster with so many hosts")
     speed_cluster.add_options(parser)
     parser.add_argument("--out", type=pathlib.Path, default=measure.ROOT / "build" / "speed_error")

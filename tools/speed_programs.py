@@ -90,6 +90,7 @@ class Process(Program):
 
 class Ours(Process):
     name = "cloudrenderer"
+    options = ()  # of `render`
 
     def run(self, case, spp, seed):
         sample = super().run(case, spp, seed)
@@ -102,7 +103,7 @@ class Ours(Process):
             version = self.version or case.model.dialect
             result = measure.run([self.path, "render", case.folder / f"{version}.pbrt", "--dialect", version, "-o", out,
                                   "--resolution", "{}x{}".format(*resolution), "--spp", spp, "--seed", seed,
-                                  "--threads", self.threads, "--hosts", 1, "--quiet"], report=True, check=True)
+                                  "--threads", self.threads, "--hosts", 1, "--quiet", *self.options], report=True, check=True)
             return result, measure.read_rgb(out)
 
 
