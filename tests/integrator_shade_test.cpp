@@ -1,6 +1,7 @@
 // What a path gathers is a function of the path: it does not depend on which batch its vertices are shaded in.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -173,6 +174,27 @@ TEST(Shade, SamplesThatShareRaysHaveTheSameMean) {
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(shared[c] / alone[c], 1, 0.004) << c;
 }
 
+TEST(Shade, SamplesShareRaysWhereThatIsAskedForAndPossible) {
+  const auto of = [](const std::string& integrator, std::uint32_t spp, std::optional<std::uint32_t> asked) {
+    JobOverrides overrides;
+    overrides.spp = spp;
+    overrides.samples_per_ray = asked;
+    const World world(integrator, overrides);
+    const auto is_told = [](const std::string& w) { return w.find("share no camera rays") != std::string::npos; };
+    const bool told = std::ranges::any_of(world.warnings.list(), is_told);
+    EXPECT_EQ(told, asked && *asked != world.tracer->job().samples_per_ray);
+    return std::pair(world.tracer->job().samples_per_ray, world.tracer->job().share_if_worth);
+  };
+  const std::string path = "Integrator \"path\"", direct = "SurfaceIntegrator \"directlighting\"", bdpt = "Integrator \"bdpt\"";
+  EXPECT_EQ(of(path, 64, {}), std::pair(2u, true));
+  EXPECT_EQ(of(path, 31, {}), std::pair(1u, false));
+  EXPECT_EQ(of(path, 31, 4), std::pair(4u, false));
+  EXPECT_EQ(of(path, 64, 1), std::pair(1u, false));
+  EXPECT_EQ(of(direct, 64, {}), std::pair(1u, false));
+  EXPECT_EQ(of(direct, 64, 2), std::pair(1u, false));
+  EXPECT_EQ(of(bdpt, 64, 2), std::pair(1u, false));
+}
+
 // Numbers of the rays' samples: each once, in both sequences of a pixel.
 TEST(SharedRays, CountOnOneByOne) {
   for (const std::uint32_t group : {2u, 4u, 8u}) {
@@ -191,6 +213,7 @@ TEST(SharedRays, CountOnOneByOne) {
     }
   }
   EXPECT_EQ(SharedRays(4, 100).ray_sample(13, false), 13u);
+  EXPECT_EQ(SharedRays().ray_sample(13, true), 13u);
 }
 
 }  // namespace

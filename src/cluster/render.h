@@ -101,7 +101,7 @@ struct RenderOutcome {
   std::uint64_t paths_done = 0, invalid_samples = 0, clamped_samples = 0;
   std::uint64_t wire_bytes = 0;  // sent by all processes, parts and files left out
   std::uint32_t spp_done = 0;    // samples that every pixel has
-  std::uint32_t samples_per_ray = 1;  // that shared what the camera saw; paths from lights, media and limits of samples prevent it all the same
+  std::uint32_t samples_per_ray = 1;  // that shared what the camera saw
   double spp_mean = 0;           // samples of a pixel, on average
   std::vector<ConvergencePoint> convergence;
   Film::ErrorEstimate estimate;

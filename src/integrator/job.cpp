@@ -112,6 +112,11 @@ std::optional<LightPaths> light_paths_of(const std::string& text) {
   return std::nullopt;
 }
 
+bool may_share_rays(const JobSettings& job) {
+  return job.integrator == IntegratorKind::path && job.media == MediaTransport::none && job.light_paths == LightPaths::none &&
+         job.film.max_sample_luminance == kInfinity && job.film.max_component == kInfinity;
+}
+
 JobSettings job_settings(const SceneDescription& scene, const JobOverrides& overrides, Warnings& warnings) {
   JobSettings job;
   const bool v2 = scene.dialect == Dialect::v2;
@@ -215,8 +220,10 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     warnings.add(source->location, "\"regularize\" is ignored where there are paths from lights (--light-paths)");
     job.regularize = false;
   }
-  const bool may_share = job.integrator == IntegratorKind::path && job.light_paths == LightPaths::none;
-  job.samples_per_ray = may_share ? overrides.samples_per_ray.value_or(job.spp < kSharedFrom ? 1 : 2) : 1;
+  if (may_share_rays(job))
+    job.samples_per_ray = overrides.samples_per_ray.value_or(job.spp < kSharedFrom ? 1 : 2);
+  else if (overrides.samples_per_ray.value_or(1) > 1)
+    warnings.add(source->location, "samples share no camera rays (--samples-per-ray) but with path, and without media, paths from lights or limits of samples");
   job.share_if_worth = job.samples_per_ray > 1 && !overrides.samples_per_ray;
   Warnings said_later;  // by who renders with it
   job.lobes = Filter::build(scene.filter, said_later, scene.dialect)->lobes();

@@ -61,6 +61,9 @@ struct JobSettings {
   int length_k = 32;      // of depths and positions, see feature_length_k()
 };
 
+// Whether samples may share camera rays. Media, paths from lights and limits go by the sample at the first vertex already.
+bool may_share_rays(const JobSettings& job);
+
 // Reads integrator, sampler and film with pbrt's meaning of their parameters in the scene's dialect (v2 and v3 count
 // depth one apart). Throws SceneError / UsageError.
 JobSettings job_settings(const SceneDescription& scene, const JobOverrides& overrides, Warnings& warnings);

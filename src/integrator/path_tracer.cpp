@@ -111,10 +111,7 @@ PathTracer::PathTracer(const Manifest& manifest, const JobSettings& job, Part ma
   if (light_paths_ != LightPaths::none) lights_->aim(manifest.specular_boxes, light_paths_ == LightPaths::caustics ? 1.f : kAimed);
   if (job.media != MediaTransport::none) build_media(manifest, main_part, warnings);
   if (job.media == MediaTransport::multiple) longest_shadow_ = glm::length(manifest.bounds.max - manifest.bounds.min);
-  // Media, paths from lights and limits go by the sample at the first vertex already.
-  if (job.integrator == IntegratorKind::path && !media_ && light_paths_ == LightPaths::none && job.film.max_sample_luminance == kInfinity &&
-      job.film.max_component == kInfinity)
-    shared_ = SharedRays(job.samples_per_ray, job.spp);
+  if (may_share_rays(job)) shared_ = SharedRays(job.samples_per_ray, job.spp);
   resident.load_part(PartId{0}, std::move(main_part));
 }
 

@@ -23,7 +23,9 @@ struct SharedRays {
   std::uint32_t first(std::uint32_t sample) const { return sample - (sample / 2 & (group - 1u)) * 2; }
   // Whose numbers the camera's ray and the light samples take: rays count on one by one, as every second number of a sequence
   // would be distributed worse than the first half of them.
-  std::uint32_t ray_sample(std::uint32_t sample, bool shares) const { return shares ? sample / block() * 2 + sample % 2 : sample; }
+  std::uint32_t ray_sample(std::uint32_t sample, bool shares) const {
+    return shares && group > 1 ? sample / block() * 2 + sample % 2 : sample;
+  }
 };
 
 }  // namespace cloudrenderer
