@@ -63,7 +63,7 @@ def main():
                 rows.append([scene.stem, ",".join(chosen) + " chosen" if kind == "chosen" else kind, f"{statistics.mean(errors[kind]):.6f}",
                              f"{error:.2f}", f"{time:.2f}", f"{error * time:.2f}"])
                 print(*rows[-1], flush=True)
-    print(measure.table(["scene", "samples a ray", "relMSE", "error", "time", "product"], rows))
+    measure.table(["scene", "samples a ray", "relMSE", "error", "time", "product"], rows)
 
 
 if __name__ == "__main__":
