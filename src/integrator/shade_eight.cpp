@@ -217,27 +217,20 @@ void PathTracer::EightShader::scatter_members(const Bsdf8& bsdf, ScatterOf<Float
                                               std::uint32_t holding, const Vec3x8& throughput) {
   const JobSettings& job = shader_.tracer.job_;
   v.asks = Mask8(false);
-  std::array<std::uint32_t, kLanes> vertices, counts{};
-  std::uint32_t most = 0;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const PathSegment& s = batch_.segments[segments[lane]];
-    vertices[lane] = s.vertex;
-    if (holding >> lane & 1u) most = std::max(most, counts[lane] = shader_.tracer.shared_.group);
-  }
   PathSegment member;
-  for (std::uint32_t m = 1; m < most; ++m) {
+  for (std::uint32_t m = 1; m < shader_.tracer.shared_.group; ++m) {
     SampleSequence::Eight sequences;
-    std::uint32_t active = 0;
+    std::array<std::uint32_t, kLanes> vertices;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const PathSegment& s = batch_.segments[segments[lane]];
       sequences[lane] = SampleSequence(job.sequence, job.seed, s.pixel, s.sample + 2 * m);
-      active |= static_cast<std::uint32_t>(m < counts[lane]) << lane;
+      vertices[lane] = s.vertex;
     }
     v.numbers = SampleSequence::get_pairs(sequences, vertices, kLobeAndRoulette);
     v.throughput = throughput;
-    shader_.choose_ray(bsdf, lanes::from_mask_bits(active), v);
+    shader_.choose_ray(bsdf, lanes::from_mask_bits(holding), v);
     const ScatterResults results(v);
-    for (std::uint32_t left = active; left; left &= left - 1) {
+    for (std::uint32_t left = holding; left; left &= left - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(left));
       shader_.begin_member(batch_.segments[segments[lane]], m, member);
       shader_.scattered(results, lane, batch_.hits[segments[lane]].t);

@@ -51,9 +51,8 @@ bool ManagerCore::restore(const TileSums& t) {
     if (s.end > job_.spp || !all.add(s)) return false;
   // An earlier run with fewer samples had no whole group at its end.
   const auto cuts_group = [&](std::uint32_t at) { return at < shared_rays().end && at % shared_rays().block() != 0; };
-  if (std::ranges::any_of(t.samples, [&](const SampleRange& s) { return cuts_group(s.begin) || cuts_group(s.end); })) {
+  if (std::ranges::any_of(t.samples, [&](const SampleRange& s) { return cuts_group(s.begin) || cuts_group(s.end); }))
     job_.samples_per_ray = 1;  // no sample shares any more
-  }
   const std::uint64_t before = progress_.paths_done;
   for (const SampleRange& s : t.samples) cover(tile, s);
   merge(r, t.sums, t.features, t.splats);

@@ -40,7 +40,7 @@ double brightness(const PixelSums& p) {
 ShareTrial::ShareTrial(const FilmFrame& frame, std::size_t sums_per_pixel) : sums_per_pixel_(sums_per_pixel) {
   const std::uint32_t w = frame.crop_width(), h = frame.crop_height();
   const double wanted = std::clamp(static_cast<double>(frame.pixels()) / (kOneOf * kSide * kSide), 1.0, double{kMostSquares});
-  const auto columns = static_cast<std::uint32_t>(std::max(1.0, std::round(std::sqrt(wanted * w / h))));
+  const auto columns = static_cast<std::uint32_t>(std::round(std::clamp(std::sqrt(wanted * w / h), 1.0, wanted)));
   const auto rows = static_cast<std::uint32_t>(std::max(1.0, std::round(wanted / columns)));
   // In the middle of each cell of the lattice.
   const auto begin = [](std::uint32_t i, std::uint32_t n, std::uint32_t extent) {

@@ -40,7 +40,7 @@ class ShareTrial {
   std::size_t left_ = 0;
 };
 
-// As much more variance as samples may have that share rays: they take 0.7 to 0.95 of the time (src/README.md, decision 63).
+// As much more variance as samples may have that share rays: they take 0.8 to 0.9 of the time (src/README.md, decision 63).
 constexpr double kSharedVariance = 1.2;
 
 }  // namespace cloudrenderer
