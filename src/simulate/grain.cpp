@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "integrator/shared_rays.h"
 #include "simulate/simulation.h"
 
 namespace cloudrenderer::sim {
@@ -19,7 +20,9 @@ Grain choose_grain(const SceneModel& model, const ClusterPlan& plan) {
   const double wanted = plan.segment != 0 ? plan.segment : std::clamp(paths / kPathsARun, 1.0, kMostPaths);
   Grain g;
   // Samples first: tiles keep their pixels, and with them their share of the parts.
-  while (g.paths() * 2 <= wanted && g.samples < (many ? 4 : 1) * kRealRound && g.samples * 2 <= model.spp) g.samples *= 2;
+  // Groups of samples that share a camera ray stay groups.
+  const std::uint32_t block = SharedRays(model.samples_per_ray, model.spp).block();
+  while (g.paths() * 2 <= wanted && g.samples < (many ? 4 : 1) * kRealRound && g.samples * 2 * block <= model.spp) g.samples *= 2;
   while (g.paths() * 4 <= wanted && g.side < 8) g.side *= 2;
   return g;
 }

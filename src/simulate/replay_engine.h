@@ -1,5 +1,6 @@
 #pragma once
 // Paths that were traced once, replayed: which parts rays may hit, where they hit, and how long paths are.
+#include "integrator/shared_rays.h"
 #include "simulate/list_engine.h"
 #include "simulate/scene_model.h"
 
@@ -12,8 +13,8 @@ struct Tally {
 
 class ReplayEngine final : public ListEngine {
  public:
-  // `width`, `height`: of the simulated film. The model must outlive the engine.
-  ReplayEngine(const SceneModel& model, std::uint32_t width, std::uint32_t height);
+  // `width`, `height`, `spp`: of the simulated film. The model must outlive the engine.
+  ReplayEngine(const SceneModel& model, std::uint32_t width, std::uint32_t height, std::uint32_t spp);
 
   void camera(const RendererRange& range, std::uint16_t owner, std::uint64_t first, std::uint64_t count,
               std::vector<PathSegment>& out) const override;
@@ -31,9 +32,12 @@ class ReplayEngine final : public ListEngine {
 
  private:
   std::uint32_t part_count() const override { return static_cast<std::uint32_t>(model_.parts.size()); }
-  const PathVertex& vertex(const Vec3& origin) const {
-    return model_.samples.paths[static_cast<std::size_t>(origin.x)][static_cast<std::size_t>(origin.y)];
-  }
+  // Segments carry the number of their path in origin.x, that of the vertex in origin.y.
+  const PathSample& path(const Vec3& origin) const { return model_.samples.paths[static_cast<std::size_t>(origin.x)]; }
+  const PathVertex& vertex(const Vec3& origin) const { return path(origin)[static_cast<std::size_t>(origin.y)]; }
+  float path_of(std::uint32_t pixel, std::uint32_t sample) const;
+  // What follows after the vertex at `s`; `dark`: its light is another's.
+  void go_on(const PathSegment& s, const PathVertex& v, bool dark, ShadeOutput& out) const;
   void candidates(const Vec3& origin, Candidates& list) const override;
   void shadow_candidates(const OcclusionRay& ray, Candidates& list) const override;
   void hit_part(const Vec3& origin, const ListCandidate& c, Hit& hit) const override;
@@ -43,6 +47,7 @@ class ReplayEngine final : public ListEngine {
 
   const SceneModel& model_;
   std::uint32_t width_, height_;
+  SharedRays shared_;
   double tests_per_ray_ = 0, tests_per_shadow_ = 0, ideal_ = 0;
   mutable Tally tally_;
 };

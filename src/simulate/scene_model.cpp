@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "integrator/shared_rays.h"
 
 namespace cloudrenderer::sim {
 namespace {
@@ -60,12 +61,11 @@ ComputeCosts read_costs(const Json& report, const SceneModel& m) {
   const Json& engine = report.at("engine_cpu_s");
   const Json& rays = report.at("rays");
   const auto seconds = [&](const char* name) { return engine.at(name).get<double>(); };
-  const double camera = rays.at("camera"), bounce = rays.at("bounce"), shadow = rays.at("shadow");
+  const double camera = rays.at("camera"), shadow = rays.at("shadow");
   const double paths = report.at("paths").get<double>() - report.value("paths_restored", 0.0);
-  double vertices = 0;
+  double vertices = 0;  // of a path, on average: of its first one a share where several paths have it
   for (const PathSample& p : m.samples.paths) vertices += static_cast<double>(p.size());
-  vertices *= per(paths, static_cast<double>(m.samples.paths.size()));
-  (void)bounce;
+  vertices = paths * (per(vertices, static_cast<double>(m.samples.paths.size())) - 1 + 1. / m.samples_per_ray);
   c.camera = per(seconds("camera"), camera > 0 ? camera : paths);
   c.trace = per(seconds("trace"), vertices);
   c.shade = per(seconds("shade") - seconds("occlusion"), vertices);
@@ -118,6 +118,8 @@ SceneModel read_model(const std::string& text, const std::string& file) {
     m.width = report.at("width");
     m.height = report.at("height");
     m.spp = report.at("spp");
+    m.samples_per_ray = report.value("samples_per_ray", 1u);
+    if (!may_be_samples_per_ray(m.samples_per_ray)) throw std::out_of_range("samples_per_ray is not 1, 2, 4 or 8");
     m.columns = model.at("columns");
     m.manifest_bytes = model.at("manifest_bytes");
     for (const Json& p : model.at("parts")) {

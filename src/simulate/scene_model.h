@@ -47,6 +47,7 @@ struct ComputeCosts {
 struct SceneModel {
   std::string name;
   std::uint32_t width = 0, height = 0, spp = 0;
+  std::uint32_t samples_per_ray = 1;  // that shared what the camera saw (integrator/shared_rays.h)
   std::uint32_t columns = 0;  // of segments on the wire (wire::ColumnSet)
   std::uint64_t manifest_bytes = 0;
   std::vector<ModelPart> parts;  // [0] the main scene

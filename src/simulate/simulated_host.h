@@ -17,8 +17,8 @@ inline constexpr double kEndOfTime = 30 * 86400;  // a render that takes longer 
 // A part's bytes as the real host's loader counts them.
 class Store final : public PartLoader {
  public:
-  Store(const SceneModel& model, std::uint64_t memory, std::uint32_t width, std::uint32_t height)
-      : engine(model, width, height), model_(model), memory_(memory) {
+  Store(const SceneModel& model, std::uint64_t memory, std::uint32_t width, std::uint32_t height, std::uint32_t spp)
+      : engine(model, width, height, spp), model_(model), memory_(memory) {
     engine.resident.insert(0);
     used_ = cost(0);
   }

@@ -76,10 +76,12 @@ class Simulation {
     less(o.paging_credits);
     return o;
   }
+  std::uint32_t spp() const { return std::max(1u, (model_.spp + grain_.samples / 2) / grain_.samples); }
   JobSpec job() const {
     JobSpec j;
     j.frame = {width_, height_, 0, 0, width_, height_};
-    j.spp = std::max(1u, (model_.spp + grain_.samples / 2) / grain_.samples);
+    j.spp = spp();
+    j.samples_per_ray = model_.samples_per_ray;
     j.seed = plan_.seed;
     for (const ModelPart& p : model_.parts) j.parts.push_back(p.placement);
     j.prototype_bytes = model_.prototype_bytes;
@@ -104,7 +106,7 @@ class Simulation {
     node->id = expected;
     node->kind = &kind;
     node->core = std::make_unique<WorkerCore>(expected, incarnation_of(expected), options);
-    node->store = std::make_unique<Store>(model_, kind.memory, width_, height_);
+    node->store = std::make_unique<Store>(model_, kind.memory, width_, height_, spp());
     node->link = std::make_unique<Link>(static_cast<std::uint32_t>(incarnation_of(expected)), 1u);
     node->joined = now();
     node->debt = plan_.start_s;
@@ -119,6 +121,7 @@ class Simulation {
     hello.set_threads(kind.threads);
     hello.set_memory(kind.memory);
     hello.set_fingerprint(1);
+    if (model_.samples_per_ray > 1) hello.add_features("shared rays");
     hello.set_path_credits(options.path_credits);
     hello.set_paging_credits(options.paging_credits);
     const auto id = manager_.join(hello, now());

@@ -43,7 +43,8 @@ ManagerCore::ManagerCore(const ManagerOptions& options, JobSpec job)
       generation_(options.first_generation),
       fingerprint_(options.fingerprint),
       visits_(job_.parts.size()) {
-  options_.round_samples = std::max(1u, options_.round_samples);
+  const std::uint32_t block = shared_rays().block();  // rounds do not cut groups of samples
+  options_.round_samples = (std::max(1u, options_.round_samples) + block - 1) / block * block;
   options_.tile = std::clamp(options_.tile, 1u, 128u);
   teams_.emplace_back(job_.parts.size()).generation = generation_;
   teams_.front().told_heartbeat = told_heartbeat_ = options_.heartbeat_s;

@@ -75,6 +75,31 @@ TEST(Simulate, OneHostTakesWhatItsCostsSay) {
   EXPECT_NEAR(p.render_s, cpu / 256 * p.paths / 0.2, 0.04 * p.render_s);
 }
 
+// Two samples with one camera ray: it is traced, shaded and moved once.
+TEST(Simulate, SharedCameraRaysCountOnce) {
+  SceneModel m = made_up(1);
+  ClusterPlan c = plan(4);
+  c.segment = 16;
+  const Prediction alone = simulate(m, c);
+  expect_done(alone, m);
+  m.samples_per_ray = 4;
+  const Prediction shared = simulate(m, c);
+  expect_done(shared, m);
+  EXPECT_EQ(shared.segment, 8u);  // with more no group of samples would be left
+  EXPECT_LT(shared.moves_per_path, 0.9 * alone.moves_per_path);
+  EXPECT_GT(shared.moves_per_path, 0.2 * alone.moves_per_path);
+  const Prediction one = simulate(m, plan(1, 100 * kMiB));
+  expect_done(one, m);
+  EXPECT_NEAR(one.efficiency, 1, 0.03);
+  double cpu = 0;
+  for (const PathSample& path : m.samples.paths) {
+    cpu += m.costs.camera / 4 + m.costs.path;
+    for (const PathVertex& v : path)
+      cpu += (m.costs.trace + m.costs.shade + (v.shadow ? m.costs.occlusion : 0)) * (&v == &path.front() ? 0.25 : 1);
+  }
+  EXPECT_NEAR(one.render_s, cpu / 256 * one.paths / 0.2, 0.04 * one.render_s);
+}
+
 // Replies are as large as the tiles of their tasks, so that more hosts with smaller tiles send about as much.
 TEST(Simulate, SmallTilesHaveSmallReplies) {
   const SceneModel m = made_up(1, 2);
