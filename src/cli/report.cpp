@@ -177,6 +177,7 @@ Json make_report(const RenderOutcome& o, const std::string& scene,
       {"asks_per_path", per(static_cast<double>(asked), paths)},
       {"dropped_messages", dropped},
       {"interrupted", o.interrupted}};
+  if (o.shared_variance) out["shared_variance"] = *o.shared_variance;
   // Processor seconds of rendering, and of the engine in it, when the host was this process.
   const auto& e = o.engine_s;
   if (std::any_of(e.begin(), e.end(), [](double s) { return s > 0; })) {

@@ -376,6 +376,7 @@ class RenderRun {
     out.facts = std::move(facts_);
     out.spp_done = core.complete_samples();
     out.samples_per_ray = core.samples_per_ray();
+    out.shared_variance = core.shared_variance();
     out.hosts = core.hosts();
     out.bit_exact = core.bit_exact();
     out.film = std::make_unique<Film>(std::move(core.film()));

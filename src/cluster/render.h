@@ -102,6 +102,7 @@ struct RenderOutcome {
   std::uint64_t wire_bytes = 0;  // sent by all processes, parts and files left out
   std::uint32_t spp_done = 0;    // samples that every pixel has
   std::uint32_t samples_per_ray = 1;  // that shared what the camera saw
+  std::optional<double> shared_variance;  // of such samples over that of others, as a trial before the frame found it
   double spp_mean = 0;           // samples of a pixel, on average
   std::vector<ConvergencePoint> convergence;
   Film::ErrorEstimate estimate;

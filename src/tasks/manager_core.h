@@ -127,6 +127,7 @@ class ManagerCore {
   std::uint32_t decisions() const { return decisions_; }  // how often the goals have changed
   std::uint32_t complete_samples() const;  // samples per pixel of all complete rounds
   std::uint32_t samples_per_ray() const { return shares_ ? job_.samples_per_ray : 1; }
+  std::optional<double> shared_variance() const { return shared_variance_; }  // ShareTrial::ratio(), once it has been made
 
   // What an earlier run of this job has done; before the first host joins, with fixed_tile. False,
   // and nothing has changed: it is no tile of this film, or some of it is already there, or it has
@@ -388,6 +389,7 @@ class ManagerCore {
   std::vector<TileSums> merged_;
   std::vector<RendererRange> returned_;
   std::optional<ShareTrial> trial_;  // goes before all else
+  std::optional<double> shared_variance_;
   bool shares_ = false;              // samples share camera rays, where their groups are whole
   std::map<std::uint32_t, Outstanding> outstanding_;
   std::uint32_t next_task_ = 1;

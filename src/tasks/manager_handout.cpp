@@ -285,7 +285,8 @@ void ManagerCore::begin_trial() {
 }
 
 void ManagerCore::end_trial() {
-  shares_ = trial_->ratio().value_or(kSharedVariance) < kSharedVariance;
+  shared_variance_ = trial_->ratio();
+  shares_ = shared_variance_.value_or(kSharedVariance) < kSharedVariance;
   trial_.reset();
 }
 
