@@ -117,9 +117,16 @@ TEST(Film, LimitsTheLargestOfXyz) {
   FilmOptions options;
   options.scale = 0.5f;
   options.max_component = 1.5f;
-  EXPECT_EQ(component_limit(options, {2, 2, 2}), 1.f);
-  EXPECT_NEAR(component_limit(options, xyz_to_rgb(2, 3, 8)), 1.5 / 4, 3e-4);
-  EXPECT_NEAR(component_limit(options, xyz_to_rgb(2, 6, 3)), 1.5 / 3, 3e-4);
+  EXPECT_FALSE(limits_samples(FilmOptions()));
+  EXPECT_TRUE(limits_samples(options));
+  EXPECT_EQ(sample_limit(options, {2, 2, 2}), 1.f);
+  EXPECT_NEAR(sample_limit(options, xyz_to_rgb(2, 3, 8)), 1.5 / 4, 3e-4);
+  EXPECT_NEAR(sample_limit(options, xyz_to_rgb(2, 6, 3)), 1.5 / 3, 3e-4);
+  EXPECT_NEAR(sample_limit(options, -xyz_to_rgb(2, 6, 3)), 1.5 / 3, 3e-4);
+  options = {};
+  options.max_sample_luminance = 2;
+  EXPECT_EQ(sample_limit(options, {2, 2, 2}), 1.f);
+  EXPECT_FLOAT_EQ(sample_limit(options, {8, 8, 8}), 0.25f);
 }
 
 // However samples fall among the lobes: radiance that is the same everywhere is the pixel's.
@@ -268,8 +275,9 @@ TEST(FilmOptions, RefusesImpossibleSizes) {
                SceneError);
   EXPECT_THROW(film_options(entity("image", {integer("yresolution", -3)}), Dialect::v2, warnings),
                SceneError);
-  EXPECT_THROW(film_options(entity("image", {reals("cropwindow", {0, 1})}), Dialect::v2, warnings),
-               SceneError);
+  EXPECT_EQ(warnings.list().size(), 0u);
+  EXPECT_EQ(film_options(entity("image", {reals("cropwindow", {0, 1})}), Dialect::v2, warnings).frame.pixels(), 640u * 480);
+  EXPECT_EQ(warnings.list().size(), 1u);
 }
 
 TEST(FilmOptions, NamesAFileThatCanBeWritten) {

@@ -195,6 +195,19 @@ TEST(Shade, SamplesShareRaysWhereThatIsAskedForAndPossible) {
   EXPECT_EQ(of(bdpt, 64, 2), std::pair(1u, false));
 }
 
+TEST(Shade, IntegratorsOfOtherKindsSayThemselvesHowManySamplesTheyTake) {
+  const auto of = [](const std::string& integrator, std::optional<std::uint32_t> spp = {}) {
+    JobOverrides overrides;
+    overrides.spp = spp;
+    return World(integrator, overrides).tracer->job().spp;
+  };
+  EXPECT_EQ(of("Integrator \"sppm\" \"integer numiterations\" 20"), 20u);
+  EXPECT_EQ(of("Integrator \"sppm\""), 64u);
+  EXPECT_EQ(of("Integrator \"sppm\"", 3), 3u);
+  EXPECT_EQ(of("Integrator \"mlt\" \"integer mutationsperpixel\" 12"), 12u);
+  EXPECT_EQ(of("Renderer \"metropolis\" \"integer samplesperpixel\" 9"), 9u);
+}
+
 // Numbers of the rays' samples: each once, in both sequences of a pixel.
 TEST(SharedRays, CountOnOneByOne) {
   for (const std::uint32_t group : {2u, 4u, 8u}) {

@@ -88,8 +88,10 @@ struct FilmOptions {
 // Reads `Film` with pbrt's rounding of crop windows (ceil). Throws SceneError.
 FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings);
 
-// What a contribution is to be multiplied with because of max_component.
-float component_limit(const FilmOptions& film, const Rgb& c);
+inline bool limits_samples(const FilmOptions& film) { return film.max_sample_luminance < kInfinity || film.max_component < kInfinity; }
+// What a sample's radiance, all of it, is to be multiplied with because of these limits: at most 1. Negative radiance (of filters with
+// negative lobes) is limited as much.
+float sample_limit(const FilmOptions& film, const Rgb& radiance);
 
 // A picture, linear RGB, row by row.
 struct Image {

@@ -57,8 +57,7 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
     for (const float w : window)
       if (!std::isfinite(w)) throw SceneError{film.location, "cropwindow must be finite"};
   } else if (!given.empty()) {
-    throw SceneError{film.location,
-                     "cropwindow must have 4 values, got " + std::to_string(given.size())};
+    warnings.add(film.location, "cropwindow must have 4 values, got " + std::to_string(given.size()) + ": ignored, as in pbrt");
   }
   crop(f.width, window[0], window[1], f.x0, f.x1);
   crop(f.height, window[2], window[3], f.y0, f.y1);
@@ -101,12 +100,15 @@ Image developed(const Film& film, const FilmOptions& options) {
 
 Rgb developed(const Film& film, std::size_t pixel, const FilmOptions& options) { return shown(film.colour(pixel, options.scale), options); }
 
-float component_limit(const FilmOptions& film, const Rgb& c) {
+float sample_limit(const FilmOptions& film, const Rgb& radiance) {
+  const float sign = luminance(radiance) < 0.f ? -1.f : 1.f;  // of the filter
+  const Rgb c = radiance * sign;
+  const float y_limit = luminance(c) > film.max_sample_luminance ? film.max_sample_luminance / luminance(c) : 1.f;
   // XYZ of linear sRGB (IEC 61966-2-1).
   const float x = 0.412391f * c.x + 0.357584f * c.y + 0.180481f * c.z, y = 0.212639f * c.x + 0.715169f * c.y + 0.072192f * c.z,
               z = 0.019331f * c.x + 0.119195f * c.y + 0.950532f * c.z;
   const float largest = std::max(x, std::max(y, z)) * film.scale;
-  return largest > film.max_component ? film.max_component / largest : 1.f;
+  return std::min(y_limit, largest > film.max_component ? film.max_component / largest : 1.f);
 }
 
 }  // namespace cloudrenderer

@@ -106,6 +106,9 @@ class PathEngine {
   // radiance is summed apart then, see FilterLobes. `shares`: as its task's range says.
   virtual bool in_negative_lobe(std::uint32_t, std::uint32_t, bool) const { return false; }
   virtual bool has_negative_lobes() const { return false; }
+  // Whether the film limits the light of a sample, all of it, and what it leaves of a path's: done once, where paths end up.
+  virtual bool limits_samples() const { return false; }
+  virtual void limit(PathEnd&) const {}
   // Whether a path from a light may bring something to this pixel of the full film.
   virtual bool may_splat(std::uint32_t) const { return false; }
   // Film position of a segment's contribution, so that drivers can sum path ends: width of the full film.

@@ -7,6 +7,7 @@
 
 #include "film/camera.h"
 #include "scene/dialect.h"
+#include "scene/language.h"
 #include "scene/material_specular.h"
 
 namespace cloudrenderer {
@@ -30,6 +31,19 @@ std::uint32_t samples_per_pixel(const Entity& sampler, Dialect dialect, Warnings
   if (!known.contains(sampler.type))
     warnings.add(sampler.location, "Sampler \"" + sampler.type + "\" is not known, using a scrambled Sobol sequence");
   return positive(sampler, "pixelsamples", dialect == Dialect::v2 || sampler.type == "random" ? 4 : 16);
+}
+
+constexpr std::uint32_t kDeepest = 1 << 16;  // bounces: as good as none is the limit
+
+// Samples a pixel of integrators that take them from no sampler.
+std::optional<std::uint32_t> own_samples(const Entity& integrator, const std::string& type, bool v4) {
+  const auto number = [&](const char* name, int otherwise) {
+    return static_cast<std::uint32_t>(std::clamp(integrator.params.integer(name, otherwise), 1, 1 << 20));
+  };
+  if (type == "metropolis") return number("samplesperpixel", 100);
+  if (type == "mlt") return number("mutationsperpixel", 100);
+  if (type == "sppm" && !v4) return number(integrator.params.has("iterations") ? "iterations" : "numiterations", 64);
+  return std::nullopt;
 }
 
 // Integrators that estimate what `path` estimates in another way.
@@ -114,7 +128,7 @@ std::optional<LightPaths> light_paths_of(const std::string& text) {
 
 bool may_share_rays(const JobSettings& job) {
   return job.integrator == IntegratorKind::path && job.media == MediaTransport::none && job.light_paths == LightPaths::none &&
-         job.film.max_sample_luminance == kInfinity && job.film.max_component == kInfinity;
+         !limits_samples(job.film);
 }
 
 JobSettings job_settings(const SceneDescription& scene, const JobOverrides& overrides, Warnings& warnings) {
@@ -163,6 +177,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
   if (type == "volpath") type = "path";
   job.light_paths = overrides.light_paths.value_or(light_paths_for(type));
   if (!overrides.light_paths && job.light_paths == LightPaths::caustics && !may_be_specular(scene)) job.light_paths = LightPaths::none;
+  if (const auto samples = own_samples(*source, type, is_of_v4(scene)); samples && !overrides.spp && !overrides.integrator) job.spp = *samples;
   if (is_same_transport(type)) {
     warnings.add(source->location, "integrator \"" + type + "\" estimates the light transport of \"path\": rendered with path" +
                                        (job.light_paths != LightPaths::none ? ", and with paths from lights" : ""));
@@ -176,9 +191,9 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     type = "directlighting";
   }
   const int scene_depth = source->params.integer("maxdepth", type_given == "metropolis" ? 7 : 5);
-  const int depth = overrides.max_depth ? static_cast<int>(*overrides.max_depth) : scene_depth;
-  if (depth < 0 || depth > 1 << 16) throw SceneError(source->location, "maxdepth must be between 0 and 65536, got " + std::to_string(depth));
-  const auto n = static_cast<std::uint32_t>(depth);
+  // Paths of pbrt-v2 and v4 end when they have exactly so many bounces: a negative number is no limit.
+  const bool endless = scene_depth < 0 && type == "path" && (v2 || is_of_v4(scene));
+  const std::uint32_t n = std::min(overrides.max_depth.value_or(endless ? kDeepest : static_cast<std::uint32_t>(std::max(scene_depth, 0))), kDeepest);
   if (type == "path") {
     job.integrator = IntegratorKind::path;
     job.light_vertices = v2 ? n + 1 : n;
@@ -206,7 +221,8 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     const std::uint32_t rays = positive(*source, "nsamples", v2 ? 2048 : 64);
     if (!overrides.spp) job.spp = static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{own_spp} * rays, 1u << 20));
   } else {
-    throw SceneError(source->location, "integrator \"" + type + "\" is not supported; known are path, volpath, directlighting, whitted, ambientocclusion");
+    throw SceneError(source->location, "integrator \"" + type + "\" is not supported; known are " +
+                                           known_types(v2 ? "SurfaceIntegrator" : "Integrator", is_of_v4(scene) ? Dialect::v4 : scene.dialect));
   }
   if (source->params.has("pixelbounds"))
     warnings.add(source->location, "the integrator's \"pixelbounds\" is ignored: all of the picture is rendered");

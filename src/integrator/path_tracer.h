@@ -43,6 +43,8 @@ class PathTracer final : public PathEngine {
   bool has_motion() const override { return motion_; }
   bool in_negative_lobe(std::uint32_t pixel, std::uint32_t sample, bool shares) const override;
   bool has_negative_lobes() const override { return job_.lobes.sums_per_pixel() > 1; }
+  bool limits_samples() const override { return cloudrenderer::limits_samples(job_.film); }
+  void limit(PathEnd& end) const override;
   bool may_splat(std::uint32_t pixel) const override { return light_paths_ != LightPaths::none && Film::holds(job_.film.frame, pixel); }
   std::uint32_t film_width() const override { return job_.film.frame.width; }
 

@@ -363,7 +363,9 @@ void PathTracer::Shader::vertex(const Hit& hit) {
     if (!is_black(radiance)) {
       const float emission = shares_with_lights(s) ? tracer.lights_->shape_emission(light, hit.primitive, p.p, s.direction) : 0.f;
       if (s.flags & kSpecularBounce) {
-        if (s.vertex <= job.emission_vertex) add(s.throughput * radiance * (shared_weight(s, 1.f, emission) * times_seen(s)));
+        // pbrt-v3's integrators of direct light go on from surfaces without material before they look whether these shine.
+        const bool unseen = is_null && job.integrator == IntegratorKind::direct && tracer.dialect_ == Dialect::v3;
+        if (s.vertex <= job.emission_vertex && !unseen) add(s.throughput * radiance * (shared_weight(s, 1.f, emission) * times_seen(s)));
       } else if (!tracer.lights_->is_only_seen(light)) {
         const float way = hit.t + std::max(0.f, -s.cone_width);
         const float pdf = tracer.lights_->emitted_pdf(light, s.scattered_at(), s.previous_normal, s.direction, way, p.p, p.ng, hit.primitive);
@@ -434,7 +436,7 @@ void PathTracer::shade(SegmentBatch& batch, ShadeOutput& out) const {
   Shader shader{*this, *set, out, shadows, batch.surfaces};
   EightShader eight(shader, batch);
   if (!media_) shader.eight = &eight;
-  shader.plain_light = !media_ && !motion_ && !(job_.film.max_sample_luminance < kInfinity) && !(job_.film.max_component < kInfinity);
+  shader.plain_light = !media_ && !motion_;
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const std::uint32_t part = batch.hits[i].part;
     if (part < kAnsweredPart && !set->has(part)) {

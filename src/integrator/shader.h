@@ -237,13 +237,7 @@ struct PathTracer::Shader {
     target = kNone;
     first_shadow = shadows.lights.size();
   }
-  bool to_fixed(Rgb c, Fixed3& fixed) {
-    const float limit = tracer.job_.film.max_sample_luminance;
-    if (limit < kInfinity) {
-      const float y = luminance(c);
-      if (y > limit) c *= limit / y;
-    }
-    if (tracer.job_.film.max_component < kInfinity) c *= component_limit(tracer.job_.film, c);
+  bool to_fixed(const Rgb& c, Fixed3& fixed) {
     if (!is_finite(c)) {
       ++out.counts.invalid;
       end_flags |= kEndInvalid;

@@ -428,7 +428,7 @@ WorkResult run(const PathEngine& engine, Work&, CameraWork& w) {
 WorkResult run(const PathEngine& engine, Work& work, CollectWork& w) {
   WorkResult r;
   r.ledgers = std::move(w.ledgers);
-  const bool lobes = engine.has_negative_lobes();
+  const bool lobes = engine.has_negative_lobes(), limits = engine.limits_samples();
   for (const RendererRange& range : w.opened)
     r.ledgers.try_emplace(range.task, range, work.film_width, work.features, lobes);
   auto ledger = r.ledgers.end();
@@ -436,13 +436,14 @@ WorkResult run(const PathEngine& engine, Work& work, CollectWork& w) {
     if (ledger == r.ledgers.end() || ledger->first != task) ledger = r.ledgers.find(task);
     return ledger != r.ledgers.end();
   };
-  for (const EndBatch& block : w.ends) {
-    for (const PathEnd& e : block.ends) {
+  for (EndBatch& block : w.ends) {
+    for (PathEnd& e : block.ends) {
       const bool splats = e.target != PartId::kNone;
       if (!find(e.task) || (splats && !engine.may_splat(e.target))) {
         ++r.unknown;
         continue;
       }
+      if (limits) engine.limit(e);
       switch (ledger->second.record(e, lobes && engine.in_negative_lobe(e.pixel, e.sample, ledger->second.range().shares))) {
         case RendererLedger::Outcome::counted:
           break;
