@@ -79,10 +79,13 @@ TEST(Parser, TellsTheDialectFromSmallSigns) {
   for (const char* v3 : {"Sampler \"02sequence\"", "Material \"disney\"", "Material \"none\"", "Shape \"sphere\" \"point3 P\" [0 0 0]",
                          "Camera \"realistic\"", "Film \"image\" \"float  diagonal\" 3", "AreaLightSource \"diffuse\" \"bool\ttwosided\" \"true\"",
                          "MakeNamedMaterial \"m\" \"string type\" \"fourier\"", "Material \"glass\" \"float uroughness\" .1",
-                         "MakeNamedMaterial \"m\" \"string type\" \"subsurface\" \"texture sigma_s\" \"t\""})
+                         "MakeNamedMaterial \"m\" \"string type\" \"subsurface\" \"texture sigma_s\" \"t\"",
+                         "Texture \"t\" \"color\" \"imagemap\" \"bool gamma\" \"false\"", "Shape \"loopsubdiv\" \"integer levels\" 2",
+                         "LightSource \"infinite\" \"integer samples\" 4", "Sampler \"halton\" \"bool samplepixelcenter\" \"true\""})
     EXPECT_EQ(parse_text(std::string("WorldBegin ") + v3 + " WorldEnd").scene.dialect, Dialect::v3) << v3;
   for (const char* v2 : {"Material \"matte\"", "Material \"substrate\" \"float uroughness\" .1", "Shape \"sphere\" \"point P\" [0 0 0]", "Sampler \"lowdiscrepancy\"",
-                         "Texture \"point3\" \"color\" \"constant\""})
+                         "Texture \"point3\" \"color\" \"constant\"", "Material \"shinymetal\" Material \"metal\" \"float uroughness\" .1",
+                         "LightSource \"point\" \"float scale\" 3 Material \"matte\"", "Sampler \"bestcandidate\""})
     EXPECT_EQ(parse_text(std::string("WorldBegin ") + v2 + " WorldEnd").scene.dialect, Dialect::v2) << v2;
 }
 

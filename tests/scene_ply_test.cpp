@@ -126,6 +126,19 @@ TEST(Ply, ReadsBothByteOrders) {
   }
 }
 
+TEST(Ply, NormalsThatAreNoneAreNone) {
+  const std::string head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+                           "property float nx\nproperty float ny\nproperty float nz\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  const PlyMesh m = read(head + "0 0 0 -nan NaN(ind) nan\n1 0 0 -1.#IND00 1.#QNAN inf\n1 1 0 0 0 1\n3 0 1 2\n");
+  ASSERT_EQ(m.normals.size(), 3u);
+  EXPECT_EQ(m.normals[0], Vec3(0));
+  EXPECT_EQ(m.normals[1], Vec3(0));
+  EXPECT_EQ(m.normals[2], Vec3(0, 0, 1));
+  const std::string rest = "\n1 0 0 0 0 1\n1 1 0 0 0 1\n3 0 1 2\n";
+  EXPECT_NE(error_of(head + "0 0 0 nanny 0 1" + rest).find("expected a number"), std::string::npos);
+  EXPECT_NE(error_of(head + "0 -inf 0 0 0 1" + rest).find("not finite"), std::string::npos);
+}
+
 TEST(Ply, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(error_of("plx\n").find("mesh.ply:1:1: error: a PLY file must begin"),
             std::string::npos);

@@ -3,28 +3,36 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <optional>
 
 #include "cli/commands.h"
 #include "cli/size.h"
 #include "cluster/job_start.h"
 #include "parts/features.h"
 #include "scene/language.h"
+#include "shapes/geometry.h"
 
 namespace cloudrenderer {
 namespace {
 
 using Counts = std::map<std::string, std::uint64_t>;
 
-// Counts what streams by; keeps nothing.
+// Counts what streams by; keeps nothing. Says of shapes what a render would, but for what only reading or refining large meshes tells.
 class CountingSink final : public SceneSink {
  public:
+  explicit CountingSink(Warnings& warnings) : warnings_(warnings) {}
   void begin_object(ObjectId, const std::string&) override { ++objects; }
   void end_object(ObjectId) override {}
-  void shape(ShapeDesc&& shape, const SceneDescription&) override {
+  void shape(ShapeDesc&& shape, const SceneDescription& scene) override {
     ++shapes[shape.type];
     if (shape.area_light) ++emissive;
     if (shape.motion) ++moving;
     if (shape.params.has("alpha") || shape.params.has("shadowalpha")) ++masked;
+    try {
+      check(shape, scene.dialect);
+    } catch (const SceneError& e) {
+      if (!error) error = e;
+    }
   }
   void instance(const InstanceDesc& instance, const SceneDescription&) override {
     ++instances;
@@ -33,6 +41,20 @@ class CountingSink final : public SceneSink {
 
   Counts shapes;
   std::uint64_t objects = 0, instances = 0, emissive = 0, moving = 0, masked = 0;
+  std::optional<SceneError> error;  // that a render would end with
+
+ private:
+  void check(const ShapeDesc& shape, Dialect dialect) {
+    if (shape.type == "loopsubdiv") return;
+    if (shape.type != "plymesh") {
+      make_geometry(shape, dialect, warnings_);
+      return;
+    }
+    const std::string path = shape.params.string("filename", "");
+    if (!std::filesystem::is_regular_file(path)) throw SceneError(shape.location, path.empty() ? "a plymesh needs \"filename\"" : "there is no file " + path);
+  }
+
+  Warnings& warnings_;
 };
 
 template <class List>
@@ -159,7 +181,7 @@ int info_of_split(const std::string& folder) {
 
 int info_of_scene(const InfoOptions& options) {
   Warnings warnings;
-  CountingSink sink;
+  CountingSink sink(warnings);
   ParseOptions parse;
   parse.dialect = options.dialect;
   parse.confine = options.confine;
@@ -179,6 +201,7 @@ int info_of_scene(const InfoOptions& options) {
   print_use(use);
   fmt::print("{:<12}{}\n", "warnings", warnings.list().size());
   print_warnings(warnings.list());
+  if (sink.error) throw SceneError(*sink.error);
   return kDone;
 }
 

@@ -196,7 +196,7 @@ class EnvironmentCamera final : public Camera {
   bool equal_area_;
 };
 
-Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
+Screen screen_window(const CameraDesc& desc, const FilmFrame& frame, Warnings& warnings) {
   const float width = static_cast<float>(frame.width), height = static_cast<float>(frame.height);
   const float aspect = desc.params.real("frameaspectratio", width / height);
   if (!(aspect > 0.f && aspect < kInfinity))
@@ -212,8 +212,7 @@ Screen screen_window(const CameraDesc& desc, const FilmFrame& frame) {
   if (const BulkArray<float> given = desc.params.reals("screenwindow"); given.size() == 4) {
     std::copy(given.begin(), given.end(), w);
   } else if (!given.empty()) {
-    throw SceneError{desc.location,
-                     "screenwindow must have 4 values, got " + std::to_string(given.size())};
+    warnings.add(desc.location, "screenwindow must have 4 values, got " + std::to_string(given.size()) + ": ignored, as in pbrt");
   }
   const Screen out{w[0], w[3], (w[1] - w[0]) / width, (w[2] - w[3]) / height};
   if (!std::isfinite(out.dx) || !std::isfinite(out.dy) || out.dx == 0.f || out.dy == 0.f)
@@ -225,7 +224,7 @@ Lens lens(const CameraDesc& desc) {
   const Lens out{desc.params.real("lensradius", 0.f), desc.params.real("focaldistance", 1e6f)};
   if (!(out.radius >= 0.f && out.radius < kInfinity))
     throw SceneError{desc.location, "lensradius must be 0 or more"};
-  if (!(out.focal_distance > 0.f)) throw SceneError{desc.location, "focaldistance must be above 0"};
+  if (out.radius > 0.f && !(out.focal_distance > 0.f)) throw SceneError{desc.location, "focaldistance must be above 0"};
   return out;
 }
 
@@ -321,12 +320,12 @@ std::unique_ptr<Camera> Camera::build(const CameraDesc& desc, const FilmFrame& f
   } else if (desc.type == "realistic") {
     camera = realistic_camera(desc, to_world, frame, film_diagonal, warnings);
   } else if (desc.type == "orthographic") {
-    camera = std::make_unique<OrthographicCamera>(to_world, screen_window(desc, frame), lens(desc));
+    camera = std::make_unique<OrthographicCamera>(to_world, screen_window(desc, frame, warnings), lens(desc));
   } else {
     if (!desc.type.empty() && desc.type != "perspective")
       warnings.add(desc.location,
                    "camera \"" + desc.type + "\" is not supported, \"perspective\" is used");
-    Screen plane = screen_window(desc, frame);
+    Screen plane = screen_window(desc, frame, warnings);
     const float half = portable::tan(field_of_view(desc) * (kPi / 360.f));
     for (float* v : {&plane.x, &plane.y, &plane.dx, &plane.dy}) *v *= half;
     camera = std::make_unique<PerspectiveCamera>(to_world, plane, lens(desc));

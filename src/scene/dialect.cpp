@@ -44,6 +44,10 @@ constexpr auto kSigns = std::to_array<Sign>({{"SurfaceIntegrator", "", kV2},
                                              {"Material", "glass", kV2 | kV3},
                                              {"Material", "metal", kV2 | kV3},
                                              {"Material", "uber", kV2 | kV3},
+                                             {"Material", "shinymetal", kV2},
+                                             {"Sampler", "bestcandidate", kV2},
+                                             {"Sampler", "adaptive", kV2},
+                                             {"Accelerator", "grid", kV2},
                                              {"Attribute", "", kV4},
                                              {"ColorSpace", "", kV4},
                                              {"Import", "", kV4},
@@ -87,10 +91,20 @@ constexpr auto kParamSigns = std::to_array<ParamSign>({{"rgb", "reflectance", kV
                                                        {"float", "diagonal", kV3 | kV4},
                                                        {"float", "maxsampleluminance", kV3},
                                                        {"float", "maxcomponentvalue", kV4},
+                                                       {"float", "shadowalpha", kV3},
+                                                       {"texture", "shadowalpha", kV3},
+                                                       {"bool", "samplepixelcenter", kV3},
+                                                       {"bool", "gamma", kV3},
+                                                       {"float", "gamma", kV2},
+                                                       {"integer", "levels", kV3 | kV4},
+                                                       {"integer", "dimensions", kV3},
                                                        {"string", "normalmap", kV4},
                                                        {"texture", "displacement", kV4}});
 // Of light sources, whose other parameters have these names elsewhere.
-constexpr auto kLightSigns = std::to_array<ParamSign>({{"string", "filename", kV4}, {"float", "scale", kV4}, {"float", "power", kV4}});
+constexpr auto kLightSigns =
+    std::to_array<ParamSign>({{"string", "filename", kV4}, {"float", "power", kV4}, {"integer", "samples", kV3}, {"string", "mapname", kV2 | kV3}});
+// Signs that count only where nothing else contradicts them: pbrt-v3 passes over a number where its lights have a colour.
+constexpr auto kWeakLightSigns = std::to_array<ParamSign>({{"float", "scale", kV4}});
 // Likewise of films.
 constexpr auto kFilmSigns = std::to_array<ParamSign>({{"float", "scale", kV3}});
 
@@ -105,6 +119,7 @@ class Detector {
       if (!scan(path) && world_ && possible_ == (kV3 | kV4)) return Dialect::v4;
     } catch (const SceneError&) {  // what is wrong with a file, the parser says
     }
+    narrow(weak_);
     if ((possible_ & kV2) != 0) return Dialect::v2;
     return (possible_ & kV3) != 0 ? Dialect::v3 : Dialect::v4;
   }
@@ -152,6 +167,8 @@ class Detector {
           if (sign.type == param && (sign.name.empty() ? !name.empty() : sign.name == name)) narrow(sign.dialects);
         for (const ParamSign& sign : kLightSigns)
           if (of_light && sign.type == param && sign.name == name) narrow(sign.dialects);
+        for (const ParamSign& sign : kWeakLightSigns)
+          if (of_light && sign.type == param && sign.name == name) weak_ &= sign.dialects;
         for (const ParamSign& sign : kFilmSigns)
           if (of_film && sign.type == param && sign.name == name) narrow(sign.dialects);
         if (param == "string" && name == "type") {  // of a named material
@@ -184,7 +201,7 @@ class Detector {
   FilePaths paths_;
   std::set<std::string> seen_;
   std::size_t depth_ = 0;
-  unsigned possible_ = kV2 | kV3 | kV4;
+  unsigned possible_ = kV2 | kV3 | kV4, weak_ = kV2 | kV3 | kV4;
   bool world_ = false;  // WorldBegin was there
 };
 

@@ -177,8 +177,10 @@ BulkArray<float> Lexer::read_floats(bool finite) {
     const char* const begin = p_;
     float v;
     if (p_ == end_ || !starts_number(*p_) || !parse_float(p_, end_, v) ||
-        (p_ != end_ && !is_delimiter(*p_)))
-      bad_number(begin);
+        (p_ != end_ && !is_delimiter(*p_))) {
+      p_ = begin;
+      if (finite || !parse_non_finite(p_, end_, v) || (p_ != end_ && !is_delimiter(*p_))) bad_number(begin);
+    }
     if (finite && !std::isfinite(v))
       throw SceneError(location(at(begin)), "the number is too large for a float");
     out.push_back(v);

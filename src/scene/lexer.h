@@ -43,7 +43,7 @@ class Lexer {
   const SourceText& source() const { return *source_; }
 
   // The rest of an array of numbers, just after its '[', up to and including the ']'. `finite`:
-  // numbers too large for a float are an error, else they are infinite.
+  // numbers too large for a float are an error, else they are infinite, and "nan" and "inf" are read.
   BulkArray<float> read_floats(bool finite);
   // Whole numbers; fractions are cut off as in pbrt and counted in `fractions`.
   BulkArray<std::int32_t> read_integers(std::uint64_t& fractions);

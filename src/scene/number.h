@@ -1,9 +1,11 @@
 #pragma once
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <string_view>
 
 namespace cloudrenderer {
 
@@ -88,6 +90,35 @@ inline bool parse_float(const char*& p, const char* end, float& out) {
     }
   }
   out = detail::float_from_chars(begin, p);
+  return true;
+}
+
+// Reads what printf writes where there is no number, or none that is finite: "nan", "-nan(ind)", "inf", "-1.#IND00". False, with
+// p where it was: it is none of these.
+inline bool parse_non_finite(const char*& p, const char* end, float& out) {
+  const char* at = p;
+  const bool negative = at != end && *at == '-';
+  at += at != end && (*at == '-' || *at == '+');
+  const auto take = [&](std::string_view word) {
+    const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+    if (static_cast<std::size_t>(end - at) < word.size() || !std::ranges::equal(std::string_view(at, word.size()), word, {}, lower)) return false;
+    at += word.size();
+    return true;
+  };
+  out = std::numeric_limits<float>::quiet_NaN();
+  if (take("nan")) {
+    if (!take("(ind)")) take("(snan)");
+  } else if (take("inf")) {
+    take("inity");
+    out = std::numeric_limits<float>::infinity();
+  } else if (take("1.#inf")) {
+    out = std::numeric_limits<float>::infinity();
+  } else if (!take("1.#ind") && !take("1.#qnan") && !take("1.#snan")) {
+    return false;
+  }
+  while (at != end && detail::is_digit(*at)) ++at;  // "1.#IND00"
+  if (negative) out = -out;
+  p = at;
   return true;
 }
 

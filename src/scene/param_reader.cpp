@@ -145,7 +145,7 @@ std::optional<Param> ParamReader::read_one(Lexer& lexer, bool reads_files) {
   if (row.type == ParamType::integer) {
     p.integers = integers(lexer, p);
   } else if (row.type == ParamType::boolean) {
-    p.integers = booleans(lexer);
+    p.integers = booleans(lexer, p);
   } else if (row.type == ParamType::string || row.type == ParamType::texture) {
     p.strings = strings(lexer);
     for (std::string& s : p.strings)
@@ -157,7 +157,8 @@ std::optional<Param> ParamReader::read_one(Lexer& lexer, bool reads_files) {
     // v4's temperatures have no scale beside them.
     const bool v4_blackbody = dialect_ == Dialect::v4 && row.spelling == Spelling::blackbody;
     const std::size_t components = v4_blackbody ? 1 : row.components;
-    p.reals = whole(reals(lexer, row.type != ParamType::real), components, p);
+    p.reals = whole(reals(lexer, row.type != ParamType::real && row.type != ParamType::normal3), components, p);
+    if (p.type == ParamType::real && !without_nan(p)) return std::nullopt;
     std::vector<Rgb> colors;
     const auto v = p.reals.view();
     if (row.spelling == Spelling::xyz)
@@ -193,6 +194,18 @@ BulkArray<float> ParamReader::whole(BulkArray<float> values, std::size_t compone
   return {std::move(held), view};
 }
 
+// Nothing can be made of numbers that are none. False: the parameter is to be ignored.
+bool ParamReader::without_nan(Param& p) {
+  if (std::ranges::none_of(p.reals, [](float v) { return std::isnan(v); })) return true;
+  const bool one = p.reals.size() == 1;
+  warnings_.add(p.location, "parameter \"" + p.name + "\" is not a number (nan): " + (one ? "ignored" : "0 is used there"));
+  std::vector<float> numbers(p.reals.begin(), p.reals.end());
+  for (float& v : numbers)
+    if (std::isnan(v)) v = 0;
+  p.reals = BulkArray<float>(std::move(numbers));
+  return !one;
+}
+
 BulkArray<float> ParamReader::reals(Lexer& lexer, bool finite) {
   const Token t = lexer.next();
   if (t.kind == Token::Kind::open) return lexer.read_floats(finite);
@@ -221,12 +234,15 @@ BulkArray<std::int32_t> ParamReader::integers(Lexer& lexer, const Param& p) {
   return out;
 }
 
-BulkArray<std::int32_t> ParamReader::booleans(Lexer& lexer) {
+BulkArray<std::int32_t> ParamReader::booleans(Lexer& lexer, const Param& p) {
   std::vector<std::int32_t> out;
   const auto value = [&](const Token& t) {
     const bool word = t.kind == Token::Kind::word || t.kind == Token::Kind::string;
-    if (!word || (t.text != "true" && t.text != "false"))
+    const bool known = word && (t.text == "true" || t.text == "false");
+    if (!known && (dialect_ == Dialect::v4 || t.kind != Token::Kind::string))
       throw SceneError(lexer.location(t), "expected true or false, found " + Lexer::describe(t));
+    if (!known)
+      warnings_.add(p.location, "the value " + Lexer::describe(t) + " of parameter \"" + p.name + "\" is not true or false: false is used, as in pbrt");
     out.push_back(t.text == "true");
   };
   Token t = lexer.next();

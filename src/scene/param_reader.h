@@ -37,7 +37,8 @@ class ParamReader {
   void skip_value(Lexer& lexer);
   BulkArray<float> reals(Lexer& lexer, bool finite);
   BulkArray<std::int32_t> integers(Lexer& lexer, const Param& p);
-  BulkArray<std::int32_t> booleans(Lexer& lexer);
+  BulkArray<std::int32_t> booleans(Lexer& lexer, const Param& p);
+  bool without_nan(Param& p);
   std::vector<std::string> strings(Lexer& lexer);
   Rgb from_samples(SampledSpectrum samples) const;
   Rgb from_blackbody(std::span<const float> v) const;

@@ -6,6 +6,12 @@
 namespace cloudrenderer {
 namespace {
 
+// Parameters of one type that are lists; every other one has one value.
+constexpr std::array<std::string_view, 15> kLists{"indices", "faceIndices", "P",      "Pw",      "N",            "S",          "uv",         "st",
+                                                  "Pz",      "uknots",      "vknots", "density", "screenwindow", "cropwindow", "pixelbounds"};
+
+bool is_list(std::string_view name) { return std::ranges::find(kLists, name) != kLists.end(); }
+
 bool fits(std::string_view wanted, ParamType given, bool textures, bool any_value) {
   using enum ParamType;
   if (given == texture) return textures || (wanted != "bool" && wanted != "integer" && wanted != "string");
@@ -15,12 +21,10 @@ bool fits(std::string_view wanted, ParamType given, bool textures, bool any_valu
   const bool number = given != boolean && given != string;
   if (wanted == "float") return number && given != rgb;
   if (wanted == "spectrum") return given == rgb || (any_value && number);
+  if (wanted == "point" || wanted == "point3") return given == point3;
+  if (wanted == "vector" || wanted == "vector3") return given == vector3;
   return true;
 }
-
-// Parameters of one type that are lists; every other one has one value.
-constexpr std::array<std::string_view, 15> kLists{"indices", "faceIndices", "P",      "Pw",      "N",            "S",          "uv",         "st",
-                                                  "Pz",      "uknots",      "vknots", "density", "screenwindow", "cropwindow", "pixelbounds"};
 
 std::size_t count_of(const Param& p) {
   using enum ParamType;
@@ -61,9 +65,11 @@ void ParamTypes::check(std::string_view directive, Entity& e, Warnings& warnings
     });
     if (known == slot->second.end()) continue;
     std::string what;
-    if (!fits(known->type, p.type, textures, texture))
+    // Lists of points or vectors are taken for what they are meant to be.
+    const bool meant = is_list(p.name) && (known->type.starts_with("point") || known->type.starts_with("vector"));
+    if (!meant && !fits(known->type, p.type, textures, texture))
       what = std::string("is of type ") + type_word(p.type) + ", not " + std::string(known->type);
-    else if (const std::size_t n = count_of(p); n != 1 && std::ranges::find(kLists, p.name) == kLists.end())
+    else if (const std::size_t n = count_of(p); n != 1 && !is_list(p.name))
       what = "has " + std::to_string(n) + " values, not one";
     if (what.empty()) continue;
     // pbrt-v3's materials look the value up as that of a texture, which takes the first.

@@ -16,7 +16,7 @@ class ParamTypes {
  public:
   explicit ParamTypes(Dialect dialect) : dialect_(dialect) {}
   // Takes such parameters out, with a warning each. Those that have a reading all the same stay: integers for numbers,
-  // textures, points and vectors.
+  // textures, lists of points and vectors.
   void check(std::string_view directive, Entity& e, Warnings& warnings);
 
  private:

@@ -143,9 +143,12 @@ void Parser::texture(const Token& t) {
   const std::string type = read_string("float or spectrum");
   Entity e = read_entity(t);
   if (!in_world(t)) return;
-  if (type != "float" && type != "spectrum" && type != "color")
-    throw SceneError(location(kind),
-                     "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"");
+  if (type != "float" && type != "spectrum" && type != "color") {
+    const std::string what = "a texture must be \"float\" or \"spectrum\", found \"" + type + "\"";
+    if (is_v4()) throw SceneError(location(kind), what);
+    builder_.warn_once(location(kind), what + ": ignored, as in pbrt");
+    return;
+  }
   if (!is_v4() && !find_language("Texture", e.type)) {
     builder_.warn_once(e.location, "unknown texture \"" + e.type + "\", expected one of " + known_types("Texture", builder_.scene().dialect) +
                                        ": what refers to it takes its default");

@@ -62,10 +62,12 @@ void Parser::import_file(const Token& t) {
 void Parser::option(const Token& t) {
   const FileLocation where = location(t);
   std::string name;
+  bool off = false;
   if (lexer().peek().kind == Token::Kind::string &&
       lexer().peek().text.find(' ') == std::string_view::npos) {
     name = read_string("the name of an option");
     const Token value = lexer().next();
+    off = value.text == "false";
     if (value.kind == Token::Kind::open)
       lexer().skip_array();
     else if (value.kind == Token::Kind::end || value.kind == Token::Kind::close)
@@ -74,8 +76,12 @@ void Parser::option(const Token& t) {
   } else {
     const ParamSet given = params_.read(lexer());
     if (given.empty()) throw SceneError(where, "expected an option: its name and its value");
-    name = given.all().front().name;
+    const Param& p = given.all().front();
+    name = p.name;
+    off = p.type == ParamType::boolean && p.integers.size() == 1 && p.integers[0] == 0;
   }
+  // Nothing that is seen hangs on these.
+  if (off || name == "rendercoordsys" || name == "seed") return;
   builder_.warn_once(where, "the option \"" + name + "\" is ignored");
 }
 

@@ -34,7 +34,11 @@ class AsciiBody {
   float real(PlyType) {
     skip_blanks();
     float v;
-    if (!parse_float(p_, end_, v)) return bad_number();
+    const char* const begin = p_;
+    if (!parse_float(p_, end_, v) || (p_ != end_ && *p_ == '#')) {
+      p_ = begin;
+      if (!parse_non_finite(p_, end_, v)) return bad_number();
+    }
     check_end();
     return v;
   }

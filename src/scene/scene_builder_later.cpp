@@ -53,6 +53,11 @@ void SceneBuilder::define_material(GraphicsState& state, const std::string& name
 }
 
 void SceneBuilder::finish(const GraphicsState& state) {
+  // These of pbrt-v3 put light into the pixel that it falls into.
+  if (scene_.dialect == Dialect::v3 && !is_v4_ && (scene_.integrator.type == "sppm" || scene_.integrator.type == "mlt")) {
+    scene_.filter = {};
+    scene_.filter.type = "box";
+  }
   for (const auto& [name, source] : expected_) {
     if (!source->expected) continue;
     warnings_.add(source->entity.location, "there is no material \"" + name + "\": diffuse is used");

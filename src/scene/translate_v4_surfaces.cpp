@@ -69,6 +69,8 @@ void V4Translator::material(Entity& e) const {
     conductor(e);
   } else if (e.type == "dielectric") {
     e.type = "glass";
+    if (const Param* eta = p.find("eta"); eta && eta->type == ParamType::rgb && (eta->reals[0] != eta->reals[1] || eta->reals[1] != eta->reals[2]))
+      warn_(eta->location, "light is not dispersed: one index of refraction is used in place of the spectrum");
     index(e, "eta", 1.5f);
     roughness(e, 0.f);
   } else if (e.type == "thindielectric") {

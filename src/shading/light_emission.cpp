@@ -49,7 +49,7 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
         throw SceneError{desc.location, "the light's radiance must be finite"};
       if (scene.dialect == Dialect::v3) e.two_sided = desc.params.boolean("twosided", false);
       desc.params.report_unused("AreaLightSource \"" + desc.type + "\"", warnings);
-    } else {
+    } else if (!desc.type.empty()) {  // that is how a lamp is switched off
       warnings.add(desc.location,
                    "area light \"" + desc.type + "\" is unknown and does not shine");
     }

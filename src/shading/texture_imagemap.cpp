@@ -58,8 +58,6 @@ template <class T>
 MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   const ParamSet& p = in.params.params();
   const std::string path = p.string("filename", "");
-  if (path.empty())
-    throw SceneError(in.params.location(), "imagemap texture needs a \"string filename\"");
   ImageEncoding encoding;
   encoding.scale = p.real("scale", 1.f);
   if (in.params.dialect() == Dialect::v3) {
@@ -99,6 +97,7 @@ MadeTexture<T> make_imagemap_texture(TextureInputs& in) {
   const TextureMapping mapping(in);
   const bool at_most_one = p.boolean("albedo", false);
   try {
+    if (path.empty()) throw SceneError(in.params.location(), "imagemap texture needs a \"string filename\"");
     const ImagePyramid* image = in.images.get(path, encoding, p.find("filename")->location);
     auto texture = std::make_unique<ImagemapTexture<T>>(mapping, image, filter, at_most_one);
     in.params.needs().tables.push_back(texture.get());

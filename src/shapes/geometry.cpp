@@ -2,6 +2,7 @@
 
 #include <string_view>
 
+#include "scene/language.h"
 #include "shapes/quadric_builder.h"
 
 namespace cloudrenderer {
@@ -45,11 +46,7 @@ ShapeGeometry make_geometry(const ShapeDesc& shape, Dialect dialect, Warnings& w
       return TriangleMesh{};
     }
   }
-  std::string known;
-  for (const ShapeKind& kind : kShapes)
-    known += (known.empty() ? "" : ", ") + std::string(kind.name);
-  warnings.add(shape.location,
-               "Shape \"" + shape.type + "\" is left out; known shapes are " + known);
+  warnings.add(shape.location, "Shape \"" + shape.type + "\" is left out; known shapes are " + known_types("Shape", dialect));
   return TriangleMesh{};
 }
 
