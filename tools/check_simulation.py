@@ -41,11 +41,11 @@ def predict(args, model, hosts, memory, speed, start, folder):
 
 
 def compare(args, name, scene, spp):
-    options = ["--spp", spp, "--resolution", args.resolution]
+    options = ["--resolution", args.resolution]
     with tempfile.TemporaryDirectory(dir=args.scratch) as scratch:
         folder = pathlib.Path(scratch)
         model = folder / "one.json"
-        report = calibrate(args, scene, options, model)
+        report = calibrate(args, scene, [*options, "--spp", spp], model)
         parts = report["model"]["parts"]
         largest = max(p["bytes"] + p["build"] for p in parts)
         memory = int(args.budget * sum(p["bytes"] for p in parts) + largest)
@@ -53,9 +53,10 @@ def compare(args, name, scene, spp):
         print(f"{name}: {report['parts']['count']} parts, {report['parts']['triangles']} triangles; a host may use "
               f"{memory / MIB:.0f} MiB (one alone {whole / MIB:.0f}); share {args.share} of a core, {spp} samples, seed "
               f"{args.seed}", flush=True)
+        # Few samples would not share camera rays by themselves.
+        options += ["--samples-per-ray", report["samples_per_ray"]] if report["samples_per_ray"] > 1 else []
         def real(hosts, samples=spp):
-            return [local_cluster.render(args.program, scene, [args.share] * hosts,
-                                         ["--spp", samples, "--resolution", args.resolution],
+            return [local_cluster.render(args.program, scene, [args.share] * hosts, [*options, "--spp", samples],
                                          whole if hosts == 1 else memory, args.timeout) for _ in range(args.runs)]
         seconds = lambda runs: statistics.median(r["time"]["render_s"] for r in runs)
         alone = real(1)

@@ -199,6 +199,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     job.light_vertices = v2 ? n + 1 : n;
     job.emission_vertex = n;
     if (is_of_v4(scene) && !is_same_transport(type_given)) job.regularize = source->params.boolean("regularize", false);
+    job.lit_behind_null = is_of_v4(scene) && type_given == "path";
   } else if (type == "directlighting" || type == "whitted") {
     job.integrator = IntegratorKind::direct;
     job.light_vertices = std::max(n, 1u);
@@ -232,6 +233,7 @@ JobSettings job_settings(const SceneDescription& scene, const JobOverrides& over
     warnings.add(source->location, why + ": there are no paths from lights, and caustics are left to those from the camera");
     job.light_paths = LightPaths::none;
   }
+  job.lit_behind_null = job.lit_behind_null && job.light_paths == LightPaths::none;
   if (job.regularize && job.light_paths != LightPaths::none) {
     warnings.add(source->location, "\"regularize\" is ignored where there are paths from lights (--light-paths)");
     job.regularize = false;

@@ -53,6 +53,7 @@ struct JobSettings {
   std::uint32_t emission_vertex = 5;
   LightPaths light_paths = LightPaths::none;
   bool regularize = false;  // paths see only wide microfacets once they have scattered by some (pbrt-v4), see Shading::lobes
+  bool lit_behind_null = false;  // what a ray finds behind a surface without material counts in full (`path` of pbrt-v4)
   float ao_distance = kInfinity;
   bool ao_cosine = false;
   int k = 30;  // fixed point: units of 2^-k

@@ -379,9 +379,11 @@ void PathTracer::Shader::vertex(const Hit& hit) {
   }
   if (is_null) {
     // The surface is passed through. Where shadow rays do not pass it, light that a scattered ray finds behind it does
-    // not count, as in pbrt's `path` (the two must agree): a density of 0 has no weight.
+    // not count, as in pbrt-v3's `path` (the two must agree): a density of 0 has no weight. In pbrt-v4's it is all that counts.
     const bool shadows_pass = tracer.null_surfaces_ && hit.part == 0;
-    if (!shadows_pass) {
+    if (!shadows_pass && job.lit_behind_null) {
+      s.flags |= kSpecularBounce;
+    } else if (!shadows_pass) {
       s.previous_pdf = 0;
       if (s.flags & kLastRay) return end();
     }
