@@ -258,6 +258,8 @@ std::vector<Broken> scenes() {
       {P, "", options("SurfaceIntegrator \"path\" \"integer maxdepth\" -1")},
       {P, "", options("Integrator \"path\" \"integer maxdepth\" 1000000")},
       {P, "", options("Integrator \"directlighting\" \"integer maxdepth\" -1")},
+      {P, "", "SurfaceIntegrator \"path\" \"integer maxdepth\" -1\nSampler \"random\" \"integer pixelsamples\" 1\n" +
+                  world("Material \"mirror\" \"color Kr\" [1 1 1] Shape \"sphere\"")},
       {P, "parameter \"radius\" is not a number (nan): ignored", shape("\"sphere\" \"float radius\" [-nan(ind)]")},
       {E, "found 'nanometer'", shape("\"sphere\" \"float radius\" [1 nanometer]")},
       {P, "normals are not finite", shape(std::string("\"trianglemesh\" \"normal N\" [nan nan nan 0 0 1 0 0 -nan(ind)] ") + kTriangle)},

@@ -127,6 +127,12 @@ TEST(Film, LimitsTheLargestOfXyz) {
   options.max_sample_luminance = 2;
   EXPECT_EQ(sample_limit(options, {2, 2, 2}), 1.f);
   EXPECT_FLOAT_EQ(sample_limit(options, {8, 8, 8}), 0.25f);
+  options.max_sample_luminance = 0;
+  EXPECT_EQ(sample_limit(options, {1, 1, 1}), 0.f);
+  EXPECT_EQ(sample_limit(options, {0, 0, 0}), 1.f);
+  Warnings warnings;
+  EXPECT_FALSE(limits_samples(film_options(entity("image", {reals("maxsampleluminance", {-1})}), Dialect::v3, warnings)));
+  EXPECT_EQ(warnings.list().size(), 1u);
 }
 
 // However samples fall among the lobes: radiance that is the same everywhere is the pixel's.

@@ -51,7 +51,8 @@ class CountingSink final : public SceneSink {
       return;
     }
     const std::string path = shape.params.string("filename", "");
-    if (!std::filesystem::is_regular_file(path)) throw SceneError(shape.location, path.empty() ? "a plymesh needs \"filename\"" : "there is no file " + path);
+    std::error_code unreadable;
+    if (!std::filesystem::exists(path, unreadable)) throw SceneError(shape.location, path.empty() ? "a plymesh needs \"filename\"" : "cannot read '" + path + "'");
   }
 
   Warnings& warnings_;

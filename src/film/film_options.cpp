@@ -70,8 +70,14 @@ FilmOptions film_options(const Entity& film, Dialect dialect, Warnings& warnings
   }
   if (v3) {
     out.scale = params.real("scale", 1.f);
-    out.max_sample_luminance = params.real("maxsampleluminance", kInfinity);
-    out.max_component = params.real("maxcomponentvalue", kInfinity);
+    const auto limit = [&](const char* name) {
+      const float v = params.real(name, kInfinity);
+      if (v >= 0.f) return v;
+      warnings.add(film.location, std::string(name) + " is below 0: ignored");
+      return kInfinity;
+    };
+    out.max_sample_luminance = limit("maxsampleluminance");
+    out.max_component = limit("maxcomponentvalue");
     if (const auto space = ColorSpace::find(params.string("colorspace", "srgb")); space && !space->is_working()) out.space = space;
     const std::array<float, 8> xy = out.space.value_or(ColorSpace()).chromaticities();
     const Vec2 white(xy[6], xy[7]);

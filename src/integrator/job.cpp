@@ -33,7 +33,7 @@ std::uint32_t samples_per_pixel(const Entity& sampler, Dialect dialect, Warnings
   return positive(sampler, "pixelsamples", dialect == Dialect::v2 || sampler.type == "random" ? 4 : 16);
 }
 
-constexpr std::uint32_t kDeepest = 1 << 16;  // bounces: as good as none is the limit
+constexpr std::uint32_t kDeepest = 65534;  // bounces, so that PathSegment::vertex holds one more: as good as none is the limit
 
 // Samples a pixel of integrators that take them from no sampler.
 std::optional<std::uint32_t> own_samples(const Entity& integrator, const std::string& type, bool v4) {

@@ -234,7 +234,7 @@ void PathTracer::limit(PathEnd& end) const {
   const auto limited = [&](Fixed3& light) {
     Rgb c;
     for (std::size_t i = 0; i < 3; ++i) c[static_cast<int>(i)] = static_cast<float>(static_cast<double>(light[i]) / fixed_units_);
-    const double factor = sample_limit(job_.film, c);
+    const double factor = sample_limit(job_.film, c);  // between 0 and 1
     if (factor < 1)
       for (std::int64_t& channel : light) channel = std::llrint(static_cast<double>(channel) * factor);
   };

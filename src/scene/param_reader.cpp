@@ -158,7 +158,10 @@ std::optional<Param> ParamReader::read_one(Lexer& lexer, bool reads_files) {
     const bool v4_blackbody = dialect_ == Dialect::v4 && row.spelling == Spelling::blackbody;
     const std::size_t components = v4_blackbody ? 1 : row.components;
     p.reals = whole(reals(lexer, row.type != ParamType::real && row.type != ParamType::normal3), components, p);
-    if (p.type == ParamType::real && !without_nan(p)) return std::nullopt;
+    if (p.type == ParamType::real && !without_nan(p)) {
+      use_ = use;
+      return std::nullopt;
+    }
     std::vector<Rgb> colors;
     const auto v = p.reals.view();
     if (row.spelling == Spelling::xyz)
@@ -236,12 +239,13 @@ BulkArray<std::int32_t> ParamReader::integers(Lexer& lexer, const Param& p) {
 
 BulkArray<std::int32_t> ParamReader::booleans(Lexer& lexer, const Param& p) {
   std::vector<std::int32_t> out;
+  bool told = false;
   const auto value = [&](const Token& t) {
     const bool word = t.kind == Token::Kind::word || t.kind == Token::Kind::string;
     const bool known = word && (t.text == "true" || t.text == "false");
     if (!known && (dialect_ == Dialect::v4 || t.kind != Token::Kind::string))
       throw SceneError(lexer.location(t), "expected true or false, found " + Lexer::describe(t));
-    if (!known)
+    if (!known && !std::exchange(told, true))
       warnings_.add(p.location, "the value " + Lexer::describe(t) + " of parameter \"" + p.name + "\" is not true or false: false is used, as in pbrt");
     out.push_back(t.text == "true");
   };

@@ -67,8 +67,9 @@ void Parser::option(const Token& t) {
       lexer().peek().text.find(' ') == std::string_view::npos) {
     name = read_string("the name of an option");
     const Token value = lexer().next();
-    off = value.text == "false";
-    if (value.kind == Token::Kind::open)
+    const Token first = value.kind == Token::Kind::open ? lexer().next() : value;
+    off = first.text == "false";
+    if (value.kind == Token::Kind::open && first.kind != Token::Kind::close)
       lexer().skip_array();
     else if (value.kind == Token::Kind::end || value.kind == Token::Kind::close)
       throw SceneError(location(value), "expected the value of the option \"" + name +

@@ -55,6 +55,8 @@ void SceneBuilder::define_material(GraphicsState& state, const std::string& name
 void SceneBuilder::finish(const GraphicsState& state) {
   // These of pbrt-v3 put light into the pixel that it falls into.
   if (scene_.dialect == Dialect::v3 && !is_v4_ && (scene_.integrator.type == "sppm" || scene_.integrator.type == "mlt")) {
+    if (scene_.filter.location.file && scene_.filter.type != "box")
+      warnings_.add(scene_.filter.location, "integrator \"" + scene_.integrator.type + "\" has no pixel filter in pbrt: \"box\" is used");
     scene_.filter = {};
     scene_.filter.type = "box";
   }

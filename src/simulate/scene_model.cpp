@@ -120,6 +120,7 @@ SceneModel read_model(const std::string& text, const std::string& file) {
     m.spp = report.at("spp");
     m.samples_per_ray = report.value("samples_per_ray", 1u);
     if (!may_be_samples_per_ray(m.samples_per_ray)) throw std::out_of_range("samples_per_ray is not 1, 2, 4 or 8");
+    if (SharedRays(m.samples_per_ray, m.spp).end == 0) m.samples_per_ray = 1;  // there was no whole group
     m.columns = model.at("columns");
     m.manifest_bytes = model.at("manifest_bytes");
     for (const Json& p : model.at("parts")) {
