@@ -105,6 +105,16 @@ TEST(ManagerCore, SharesCameraRaysWhereItWasFoundToPay) {
   }
 }
 
+TEST(ManagerCore, SharesNoCameraRaysWhereNoGroupIsWhole) {
+  Cluster c({}, sharing(true, 3));
+  c.report_loaded(c.join());
+  std::uint64_t tried = 0;
+  EXPECT_EQ(shared_samples(c, 20, 20, tried), 0u);
+  EXPECT_EQ(tried, 0u);
+  EXPECT_EQ(c.core.samples_per_ray(), 1u);
+  EXPECT_EQ(c.core.progress().paths_done, 64u * 64 * 3);
+}
+
 TEST(ManagerCore, SharesCameraRaysInWholeGroupsOnly) {
   Cluster c({}, sharing(false, 38));
   c.report_loaded(c.join());

@@ -278,7 +278,7 @@ std::optional<RendererRange> ManagerCore::next_range(std::uint64_t paths) {
 }
 
 void ManagerCore::begin_trial() {
-  shares_ = job_.samples_per_ray > 1;
+  shares_ = job_.samples_per_ray > 1 && shared_rays().end > 0;
   if (!shares_ || !job_.share_if_worth || unassigned_paths_ == 0) return;
   shares_ = false;
   trial_.emplace(job_.frame, film_.sums_per_pixel());
