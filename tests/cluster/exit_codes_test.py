@@ -57,8 +57,7 @@ class ExitCodes(support.ClusterTest):
 
     def test_3_for_materials_that_make_no_picture(self):
         """Found before any host is asked, in a scene and in its split."""
-        for material in ('Material "measured"', 'Material "measured" "string filename" "nowhere.brdf"',
-                         'Texture "t" "color" "imagemap" Material "matte" "texture Kd" "t"'):
+        for material in ('Material "measured"', 'Material "measured" "string filename" "nowhere.brdf"'):
             path = self.broken(f'WorldBegin\n{material}\nShape "sphere"\nWorldEnd\n')
             self.expect(3, "render", path, *TINY, words=r"broken\.pbrt:2:\d+: error: .*(filename|nowhere)")
             self.expect(3, "info", path, words=r"broken\.pbrt:2:\d+: error: ")
@@ -66,6 +65,9 @@ class ExitCodes(support.ClusterTest):
             self.expect(0, "split", path, "-o", split)
             self.expect(3, "render", split, *TINY, words=r"broken\.pbrt:2:\d+: error: .*(filename|nowhere)")
             shutil.rmtree(split)
+        # A surface in one colour is a picture, too, as in pbrt.
+        path = self.broken('WorldBegin\nTexture "t" "color" "imagemap" Material "matte" "texture Kd" "t"\nShape "sphere"\nWorldEnd\n')
+        self.expect(0, "render", path, "-o", self.folder / "a.exr", *TINY, words=r"broken\.pbrt:2:\d+: warning: .*filename.*white is used")
 
     def test_what_is_not_supported_is_told(self):
         path = self.broken('WorldBegin\nLightSource "infinite" "string mapname" "nowhere.exr"\n'
