@@ -49,4 +49,11 @@ MessageSize size_of(const wire::Message& m, double weight, double per_batch, std
   return s;
 }
 
+std::uint64_t reply_sums(const std::vector<std::byte>& payload) {
+  const auto m = wire::decode(payload);
+  const auto* r = m ? std::get_if<wire::Reply>(&*m) : nullptr;
+  const auto* renderer = r ? std::get_if<wire::RendererReply>(&r->payload) : nullptr;
+  return renderer ? renderer->sums.size() : 0;
+}
+
 }  // namespace cloudrenderer::sim

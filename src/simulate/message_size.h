@@ -13,4 +13,7 @@ struct MessageSize {
 // whichever they are, T (1 - exp(-n / T)) get some.
 MessageSize size_of(const wire::Message& m, double weight, double per_batch, std::size_t peers);
 
+// Pixels of an encoded reply of a renderer task; 0: it is none.
+std::uint64_t reply_sums(const std::vector<std::byte>& payload);
+
 }  // namespace cloudrenderer::sim

@@ -312,13 +312,6 @@ class Simulation {
       });
     }
   }
-  // Of a renderer task's reply; 0: it is none.
-  static std::uint64_t reply_sums(const std::vector<std::byte>& payload) {
-    const auto m = wire::decode(payload);
-    const auto* r = m ? std::get_if<wire::Reply>(&*m) : nullptr;
-    const auto* renderer = r ? std::get_if<wire::RendererReply>(&r->payload) : nullptr;
-    return renderer ? renderer->sums.size() : 0;
-  }
   void to_worker(HostId to, const Link::Frame& frame) {
     SimulatedHost& n = *nodes_[to.value];
     const auto bytes = static_cast<double>(manager_.frame_bytes(frame, 0));
