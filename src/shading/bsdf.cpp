@@ -39,11 +39,20 @@ Half<F> half_of(const Vec3Of<F>& wo, const Vec3Of<F>& wi) {
   return h;
 }
 
+// Of sampling a direction by Blinn's normals; pbrt takes them as they are, we those that wo sees (visible_in_groove()).
+template <class F>
+F blinn_density(const Vec3Of<F>& wo, const Half<F>& h, F d, Normals normals) {
+  const F z = lanes::abs(h.wh.z), co = lanes::abs(wo.z);
+  if (normals == Normals::all) return d * z / (4.f * h.dot);
+  const MaskOf<F> masked = 2.f * z * co < h.dot;
+  return lanes::select(masked, d * z, d) / lanes::select(masked, 2.f * h.dot, 4.f * co);  // D G1(wo) / (4 co)
+}
+
 // f without Fresnel and scale, and the density of sampling the reflected direction by its half
 // vector.
 template <class F>
 [[gnu::always_inline]] inline F reflect_by_normals(const LobeOf<F>& l, const Vec3Of<F>& wo, const Vec3Of<F>& wi,
-                                                   const Half<F>& h, F& pdf) {
+                                                   const Half<F>& h, Normals normals, F& pdf) {
   const F co = lanes::abs(wo.z), ci = lanes::abs(wi.z), d = normal_density(l, h.wh);
   if (l.distribution >= Distribution::trowbridge_reitz) {
     const F so = smith_root(l, wo), si = smith_root(l, wi);
@@ -55,15 +64,15 @@ template <class F>
   // Torrance and Sparrow's V-grooves: G = min(1, 2 h min(co, ci) / dot)
   const F z = lanes::abs(h.wh.z);
   const MaskOf<F> masked = 2.f * z * lanes::min(co, ci) < h.dot;
-  pdf = d * z / (4.f * h.dot);
+  pdf = blinn_density(wo, h, d, normals);
   return lanes::select(masked, d * z, d) / lanes::select(masked, 2.f * h.dot * lanes::max(co, ci), 4.f * co * ci);
 }
 
 // Density alone, for lobes whose value has another form.
 template <class F>
-F half_density(const LobeOf<F>& l, const Vec3Of<F>& wo, const Half<F>& h, F d) {
+F half_density(const LobeOf<F>& l, const Vec3Of<F>& wo, const Half<F>& h, F d, Normals normals) {
   if (l.distribution >= Distribution::trowbridge_reitz) return d * 0.5f / (lanes::abs(wo.z) + smith_root(l, wo));
-  return d * lanes::abs(h.wh.z) / (4.f * h.dot);
+  return blinn_density(wo, h, d, normals);
 }
 
 template <class F>
@@ -98,10 +107,10 @@ Rgb rough_transmission(const Lobe& l, const Vec3& wo, const Vec3& wi, float& pdf
 
 template <class F>
 Vec3Of<F> fresnel_blend_value(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, const Vec3Of<F>& wi, const Half<F>& h,
-                              F& pdf) {
+                              Normals normals, F& pdf) {
   const F co = lanes::abs(wo.z), ci = lanes::abs(wi.z);
   const F d = normal_density(l, h.wh);
-  pdf = (1.f - mix) * ci * kInvPi + mix * half_density(l, wo, h, d);
+  pdf = (1.f - mix) * ci * kInvPi + mix * half_density(l, wo, h, d, normals);
   const Vec3Of<F> diffuse =
       l.scale * (Vec3Of<F>(F(1.f)) - l.scale2) *
       ((28.f / 23.f) * kInvPi * (1.f - pow5<F>(1.f - 0.5f * ci)) * (1.f - pow5<F>(1.f - 0.5f * co)));
@@ -195,9 +204,14 @@ MaskOf<F> sample_lobe(const LobeOf<F>& l, F mix, const Vec3Of<F>& wo, F u, const
     wi.z *= l.transmits ? -side : side;
     if (!lanes::any(!diffuse)) return MaskOf<F>(true);
   }
-  Vec3Of<F> wh = l.distribution >= Distribution::trowbridge_reitz
-                     ? sample_visible_normal<F>(l, Vec3Of<F>(wo.x * side, wo.y * side, wo.z * side), u2)
-                     : sample_blinn_normal(l, u2);
+  const Vec3Of<F> above = wo * side;
+  Vec3Of<F> wh;
+  if (l.distribution >= Distribution::trowbridge_reitz) {
+    wh = sample_visible_normal<F>(l, above, u2);
+  } else {
+    const F left = l.kind == LobeKind::fresnel_blend ? lanes::min(u / mix, 0x1.fffffep-1f) : u;
+    wh = visible_in_groove<F>(sample_blinn_normal(l, u2), above, left);
+  }
   wh *= side;
   const F c = glm::dot(wo, wh);
   if constexpr (std::is_same_v<F, float>) {
@@ -230,7 +244,7 @@ Rgb rough_dielectric(const Lobe& l, const Vec3& wo, const Vec3& wi, const Half<f
   pdf = 0.f;
   if (!same && !reflect) return rough_transmission(l, wo, wi, pdf);
   if (!half.valid) return Rgb(0.f);
-  const float v = reflect_by_normals(l, wo, wi, half, pdf);
+  const float v = reflect_by_normals(l, wo, wi, half, Normals::visible, pdf);
   const float r = fresnel_dielectric(half.dot, half.wh.z > 0.f ? l.eta.x : l.eta.y);
   if (same)
     pdf *= reflect_chance(l, r);
@@ -299,14 +313,14 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
         const Half<F> h = l.transmits ? half_of<F>(wo, w) : half;
         if (!lanes::any(h.valid)) break;
         F p;
-        const F v = reflect_by_normals(l, wo, w, h, p);
+        const F v = reflect_by_normals(l, wo, w, h, normals_, p);
         add(counts && h.valid, l.scale * fresnel<F>(l, h.dot, h.wh.z > 0.f) * v, sampled && h.valid, chance.weight * p);
         break;
       }
       case LobeKind::fresnel_blend: {
         if (!lanes::any(half.valid)) break;
         F p;
-        const Vector value = fresnel_blend_value(l, chance.mix, wo, wi, half, p);
+        const Vector value = fresnel_blend_value(l, chance.mix, wo, wi, half, normals_, p);
         add(reflect && half.valid, value, same && half.valid, chance.weight * p);
         break;
       }
@@ -366,6 +380,7 @@ F BsdfOf<F>::pdf(const Vector& wo, const Vector& wi) const {
 template <class F>
 F BsdfOf<F>::even_pdf(const Vector& wo, const Vector& wi) const {
   BsdfOf even = *this;
+  even.normals_ = Normals::all;
   float smooth = 0.f;
   for (int i = 0; i < count_; ++i) smooth += lobe(i).kind < LobeKind::specular_reflection ? 1.f : 0.f;
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) even.chance_[i] = {F(1.f / smooth), F(0.5f)};

@@ -47,6 +47,9 @@ enum class Fresnel : std::uint8_t {
   disney                 // dielectric, by Schlick's approximation as far as metallic
 };
 
+// Which of a distribution's normals are sampled: all, or only those that wo sees. (Of Trowbridge and Reitz's always these.)
+enum class Normals : std::uint8_t { all, visible };
+
 // One scattering lobe; which fields count depends on the kind. Plain data without initialisers, so
 // that an array of them costs nothing; made by the functions in bsdf_lobes.h. F: one vertex, or
 // eight in lanes whose lobes are of the same kinds (see BsdfOf).
@@ -130,7 +133,7 @@ class BsdfOf {
   }  // some lobe is not specular: light sampling makes sense
   Vector eval(const Vector& wo, const Vector& wi) const;  // f, without the cosine
   F pdf(const Vector& wo, const Vector& wi) const;
-  // As pdf, with even chances of the smooth lobes: what pbrt weighs a light's density against.
+  // As pdf, with even chances of the smooth lobes and Normals::all: what pbrt weighs a light's density against.
   F even_pdf(const Vector& wo, const Vector& wi) const;
   // eval * |cos(ns, wi)| and pdf in one pass: what light sampling needs.
   Vector eval_cos(const Vector& wo, const Vector& wi, F& pdf) const;
@@ -161,6 +164,7 @@ class BsdfOf {
     count_ = b.count_;
     smooth_ = b.smooth_;
     half_ = b.half_;
+    normals_ = b.normals_;
     salt_ = b.salt_;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
       lobes_[i] = b.lobes_[i];
@@ -177,6 +181,7 @@ class BsdfOf {
   int count_ = 0;
   bool smooth_ = false;  // some lobe is not specular
   bool half_ = false;    // some lobe wants the half vector
+  Normals normals_ = Normals::visible;
   std::uint32_t salt_ = 0;
   std::array<Chance, kMaxLobes> chance_;
   std::array<LobeOf<F>, kMaxLobes> lobes_;

@@ -227,6 +227,16 @@ Vec3Of<F> sample_blinn_normal(const LobeOf<F>& l, const Vec2Of<F>& u) {
   return {r * c, r * s, z};
 }
 
+// Turns normals with density D cos into those that wo (wo.z > 0) sees of Torrance and Sparrow's V-grooves: density D G1(wo) (wo.wh) / wo.z.
+// Each groove has two walls, and the one that faces wo more fills more of the view (Heitz and d'Eon 2014). u: uniform.
+template <class F>
+Vec3Of<F> visible_in_groove(const Vec3Of<F>& wh, const Vec3Of<F>& wo, F u) {
+  const F z = wh.z * wo.z, across = wh.x * wo.x + wh.y * wo.y;
+  const F own = lanes::max(0.f, z + across), other = lanes::max(0.f, z - across);
+  const F turn = lanes::select(u * (own + other) < other, F(-1.f), F(1.f));
+  return {turn * wh.x, turn * wh.y, wh.z};
+}
+
 // The refracted direction of wo about wh (same side); eta is the index beyond over the one on wo's
 // side. False on total internal reflection.
 template <class F>
