@@ -142,7 +142,7 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
   const auto add_map = [&](Scene& s) {
     s.light("infinite", {string("mapname", map.path())}, Transform(glm::rotate(Mat4(1.f), 1.f, Vec3(1, 2, 3))));
   };
-  std::vector<Scene> scenes(8);
+  std::vector<Scene> scenes(9);
   scenes[0].quadric(sphere({0, 0, 2}, 1.5f), {1, 2, 3});
   add_flat(scenes[1]);
   add_delta(scenes[2]);
@@ -160,6 +160,11 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
   scenes[6].quadric(disk, Rgb(4)).quadric(disk, Rgb(3), true);
   scenes[7].light("infinite", {string("mapname", map.path()), portal({-1, -2, 1}, {-1, 1, 1}, {2, 1, 1})});
   scenes[7].light("infinite", {color("L", Rgb(0.5f)), portal({3, 1, -1}, {3, -1, -1}, {3, -1, 1})});
+  // Flat ones of all kinds, which are sampled together: seen large and small, from both sides, hidden.
+  const std::vector<Vec3> corners = {{-2, -3, 2}, {-2, 3, 2}, {2, 3, 2}, {2, -3, 2}};
+  scenes[8].mesh(corners, kTwoTriangles, {1, 2, 3}).mesh(corners, {{0, 2, 1}}, {3, 2, 1}).quadric(disk, Rgb(4));
+  scenes[8].mesh({{5, 0, 0}, {5, 0.2f, 0}, {5, 0.2f, 0.1f}, {5, 0, 0.1f}}, kTwoTriangles, Rgb(50));
+  scenes[8].mesh({{-4, -1, 0}, {-4, 1, 0}, {-4, 1, 2}, {-4, 0.5f, 3}}, kTwoTriangles, Rgb(5), {boolean("twosided", true)});
   Uniform u;
   int found = 0;
   for (std::size_t number = 0; number < scenes.size(); ++number) {
@@ -207,7 +212,7 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
       });
     }
   }
-  EXPECT_GT(found, 3000);
+  EXPECT_GT(found, 3500);
 }
 
 // Triangles of all kinds with their footprints: without normals or uvs, with uv maps that are mirrored or points, needles.

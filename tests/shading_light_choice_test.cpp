@@ -49,7 +49,13 @@ TEST(LightChoice, ChancesSumToOneAndAreThoseOfSamples) {
     all[0].shape = EmitterShape::everywhere;
     if (count > 100)
       for (int i = 1; i < 40; ++i) all[static_cast<std::size_t>(i)].shape = EmitterShape::distant;
-    const LightChoice choice(all);
+    // Flat ones, of some points.
+    std::vector<EmitterPoints> points(all.size());
+    for (std::size_t i = 0; i < all.size(); ++i)
+      if (all[i].shape == EmitterShape::planar || all[i].shape == EmitterShape::planar_two_sided)
+        for (int k = 0; k < 3 + static_cast<int>(i % 2); ++k)
+          points[i].at[points[i].count++] = all[i].center + all[i].radius * glm::cross(all[i].axis, uniform_direction(u));
+    const LightChoice choice(all, points);
     for (int round = 0; round < 5; ++round) {
       const Vec3 p = Vec3(u(), u(), u()) * 10.f, n = round == 0 ? Vec3(0) : uniform_direction(u);
       double sum = 0;
@@ -117,6 +123,24 @@ TEST(LightChoice, NearLightsAreChosenMoreOften) {
     near += s.distance < 12;
   }
   EXPECT_GT(near, 700) << "three of a hundred lights";
+}
+
+// Two lamps as large and as far away, one of which turns its edge to the surface: by their middles and radii they are alike.
+TEST(LightChoice, FlatLightsAreWeighedByWhatTheirPointsGive) {
+  std::vector<EmitterBounds> both(2);
+  std::vector<EmitterPoints> points(2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    both[i].shape = EmitterShape::planar;
+    both[i].strength = 1;
+    both[i].radius = 1;
+    both[i].center = Vec3(i ? 1.f : -1.f, 0, 1);
+    both[i].axis = i ? Vec3(-1, 0, 0) : Vec3(0, 0, -1);
+    points[i].count = 2;
+    for (const std::size_t k : {0u, 1u}) points[i].at[k] = both[i].center + Vec3(0, k ? 0.5f : -0.5f, 0);
+  }
+  const Vec3 p(0.99f, 0, 0), up(0, 0, 1);
+  EXPECT_LT(LightChoice(both).chance(0, p, up), 0.2f);
+  EXPECT_GT(LightChoice(both, points).chance(0, p, up), 0.3f);
 }
 
 TEST(LightChoice, EqualPlacesDoNotMakeEndlessTrees) {

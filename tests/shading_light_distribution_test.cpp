@@ -12,7 +12,7 @@ namespace {
 
 using namespace test;
 
-constexpr int kTests = 18;  // calls of expect_distribution
+constexpr int kTests = 22;  // calls of expect_distribution
 
 using Density = std::function<float(const Vec3&)>;
 
@@ -171,6 +171,33 @@ TEST(LightDistributions, ManyKindsAtOnce) {
       return infinite_density(*lights, p, n, d) + quadric_density(*lights, 0, ball, p, n, d) +
              quadric_density(*lights, 1, lamp, p, n, d) + mesh_density(*lights, 2, v, kTwoTriangles, p, n, d);
     });
+}
+
+// By solid angle where they fill much of the view: from their middle, aside, almost in their plane; by area from far away, and from so near
+// to their plane that single precision would not do.
+TEST(LightDistributions, Rectangles) {
+  const std::vector<Vec3> v = {{-1, -2, 2}, {-1, 2, 2}, {1, 2, 2}, {1, -2, 2}};
+  const auto lights = Scene().mesh(v, kTwoTriangles, Rgb(1)).build();
+  for (const Vec3& p : {Vec3(0.1f, 0.2f, 1), Vec3(2.5f, -1, 1.2f), Vec3(0.3f, -0.4f, 1.92f), Vec3(4, 3, -9)}) {
+    SCOPED_TRACE("from " + std::to_string(p.x) + " " + std::to_string(p.z));
+    expect_distribution(*lights, p, Vec3(0, 0, 1), [&](const Vec3& d) { return mesh_density(*lights, 0, v, kTwoTriangles, p, {0, 0, 1}, d); }, 24);
+  }
+  // The mean of 1 / pdf is the solid angle, 4 atan(a b / (d sqrt(a^2 + b^2 + d^2))); where it is sampled, every pdf is.
+  Uniform u;
+  for (const float z : {1.f, 1.99f}) {
+    constexpr int kCount = 20000;
+    const double d = 2 - static_cast<double>(z), angle = 4 * std::atan(2 / (d * std::sqrt(5 + d * d)));
+    double mean = 0;
+    for (int i = 0; i < kCount; ++i) {
+      LightSample s;
+      ASSERT_TRUE(lights->sample({0, 0, z}, Vec3(0, 0, 1), 0, u.pair(), s));
+      mean += 1 / static_cast<double>(s.pdf) / kCount;
+      if (z == 1) {
+        ASSERT_NEAR(static_cast<double>(s.pdf) * angle, 1, 1e-5);
+      }
+    }
+    EXPECT_NEAR(mean / angle, 1, z == 1 ? 1e-5 : 0.15) << z;
+  }
 }
 
 TEST(LightDistributions, ParallelogramDensityFitsItsSamples) {

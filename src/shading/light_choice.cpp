@@ -11,6 +11,8 @@ namespace {
 constexpr float kBelowHorizon = 0.05f;
 // Keeps sums finite next to a point light.
 constexpr float kLargest = 1e30f;
+// Points of an emitter that are nearer than this part of its squared radius count as if they were there.
+constexpr float kNear2 = 0.1f;
 
 template <class F>
 F sine(F cosine) {
@@ -73,7 +75,28 @@ F importance(const EmitterBounds& b, const Vec3Of<F>& p, const Vec3Of<F>& n) {
 template float importance<float>(const EmitterBounds&, const Vec3&, const Vec3&);
 template Float8 importance<Float8>(const EmitterBounds&, const Vec3x8&, const Vec3x8&);
 
-LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
+// The mean of what its points give, where there are some, and a tenth of the bound: between the points more may be seen of it, and bump
+// maps turn the normal.
+template <class F>
+F LightChoice::weight_of(const Item& item, const Vec3Of<F>& p, const Vec3Of<F>& n) {
+  using lanes::select, lanes::max;
+  const EmitterBounds& b = item.bounds;
+  const F bound = importance<F>(b, p, n);
+  if (item.points.count == 0) return bound;
+  const MaskOf<F> side = !lanes::is_black(n);
+  const bool two_sided = b.shape == EmitterShape::planar_two_sided;
+  F sum = 0.f;
+  for (std::uint32_t i = 0; i < item.points.count; ++i) {
+    const Vec3Of<F> w = Vec3Of<F>(item.points.at[i]) - p;
+    const F d2 = max(glm::dot(w, w), std::max(kNear2 * b.radius * b.radius, 1e-30f)), c = -glm::dot(Vec3Of<F>(b.axis), w);
+    const F emitted = two_sided ? lanes::abs(c) : max(0.f, c), received = select(side, max(0.f, glm::dot(n, w)), lanes::sqrt(d2));
+    const F inverse = 1.f / d2;
+    sum += emitted * inverse * (received * inverse);
+  }
+  return lanes::min(0.1f * bound + sum * (b.strength / static_cast<float>(item.points.count)), kLargest);
+}
+
+LightChoice::LightChoice(std::span<const EmitterBounds> emitters, std::span<const EmitterPoints> points)
     : single_(emitters.size() == 1), places_(emitters.size()) {
   const auto at_infinity = [](const EmitterBounds& b) {
     return b.shape == EmitterShape::distant || b.shape == EmitterShape::everywhere;
@@ -91,7 +114,7 @@ LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
     const EmitterBounds& b = emitters[i];
     if (list_all || (list_unplaced && at_infinity(b))) {
       places_[i].item = static_cast<std::uint32_t>(items_.size());
-      items_.push_back({b, ItemKind::emitter, i});
+      items_.push_back({b, ItemKind::emitter, i, i < points.size() ? points[i] : EmitterPoints{}});
     } else if (at_infinity(b)) {
       places_[i].inside = static_cast<std::uint32_t>(strengths.size());
       strengths.push_back(b.strength);
@@ -107,13 +130,13 @@ LightChoice::LightChoice(std::span<const EmitterBounds> emitters)
     tree_ = LightTree(placed);
     for (const std::uint32_t i : tree_emitters_)
       places_[i].item = static_cast<std::uint32_t>(items_.size());
-    items_.push_back({tree_.root(), ItemKind::tree, 0});
+    items_.push_back({tree_.root(), ItemKind::tree, 0, {}});
   }
   if (!strengths.empty()) {
     group_ = Distribution1D(strengths);
     for (const std::uint32_t i : group_emitters_)
       places_[i].item = static_cast<std::uint32_t>(items_.size());
-    items_.push_back({group, ItemKind::group, 0});
+    items_.push_back({group, ItemKind::group, 0, {}});
   }
 }
 
@@ -123,7 +146,7 @@ void LightChoice::sample_many(MaskOf<F> active, const Vec3Of<F>& p, const Vec3Of
   using lanes::select;
   std::array<F, kListed> weights;
   F total = 0.f;
-  for (std::size_t i = 0; i < items_.size(); ++i) total += weights[i] = importance<F>(items_[i].bounds, p, n);
+  for (std::size_t i = 0; i < items_.size(); ++i) total += weights[i] = weight_of<F>(items_[i], p, n);
   // The item in whose share of the total the number lies; the last one with a share if rounding leads beyond it.
   F rest = u * total, item = -1.f, weight = 1.f;
   MaskOf<F> open = active && total > 0.f;
@@ -167,7 +190,7 @@ float LightChoice::chance_many(std::uint32_t emitter, const Vec3& p, const Vec3&
   const Place& place = places_[emitter];
   float total = 0, own = 0;
   for (std::size_t i = 0; i < items_.size(); ++i) {
-    const float w = importance(items_[i].bounds, p, n);
+    const float w = weight_of<float>(items_[i], p, n);
     total += w;
     if (i == place.item) own = w;
   }

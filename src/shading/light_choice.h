@@ -33,6 +33,12 @@ struct EmitterBounds {
   EmitterShape shape = EmitterShape::omni;
 };
 
+// Points spread evenly over a flat emitter, or none: what it gives as the mean of what they give.
+struct EmitterPoints {
+  std::array<Vec3, 4> at{};
+  std::uint32_t count = 0;
+};
+
 // n: see Lights::sample. Zero only if nothing arrives; below the horizon of n a small value is
 // left.
 template <class F>
@@ -67,7 +73,7 @@ class LightTree {
   std::vector<std::uint64_t> trails_;  // of each emitter: bit d is its way at depth d
 };
 
-// Up to kListed emitters are weighed one by one; beyond that those with a place go into a tree,
+// Up to kListed emitters are weighed one by one, flat ones by some points; beyond that those with a place go into a tree,
 // those without (if there are still too many) into one group chosen by strength alone. Pure
 // functions of (p, n, u).
 class LightChoice {
@@ -75,7 +81,8 @@ class LightChoice {
   static constexpr std::size_t kListed = 16;
 
   LightChoice() = default;
-  explicit LightChoice(std::span<const EmitterBounds> emitters);
+  // points: of each emitter; fewer: others have none.
+  explicit LightChoice(std::span<const EmitterBounds> emitters, std::span<const EmitterPoints> points = {});
   bool single() const { return single_; }  // there is one emitter, number 0, with chance 1
   // The number of an emitter, or -1 when nothing arrives.
   std::int64_t sample(const Vec3& p, const Vec3& n, float u, float& chance) const {
@@ -103,7 +110,10 @@ class LightChoice {
     EmitterBounds bounds;
     ItemKind kind = ItemKind::emitter;
     std::uint32_t emitter = 0;
+    EmitterPoints points;
   };
+  template <class F>
+  static F weight_of(const Item& item, const Vec3Of<F>& p, const Vec3Of<F>& n);
   struct Place {
     std::uint32_t item = 0, inside = 0;  // number of the item, and inside of the tree or group
   };

@@ -1,4 +1,6 @@
 // AreaLightSource: how shapes shine.
+#include <algorithm>
+
 #include "parts/part_triangle.h"
 #include "shading/light_map.h"
 #include "shading/light_record.h"
@@ -58,6 +60,23 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
   std::vector<Emission> out;
   for (const AreaLightId id : shape_lights) out.push_back(id.value < sources.size() ? sources[id.value] : Emission{});
   return out;
+}
+
+std::vector<PrimitiveRange> primitive_ranges(const Part& part, std::span<const Emission> emissions) {
+  std::vector<PrimitiveRange> ranges(emissions.size());
+  for (const MeshChunk& chunk : part.chunks) {
+    if (!can_be_sampled(emissions, chunk.light)) continue;
+    std::uint32_t& count = ranges[chunk.light].count;
+    for (std::uint32_t i = 0; i < chunk.triangle_count; ++i) count = std::max(count, part.source_primitive(chunk, chunk.first_triangle + i) + 1);
+  }
+  for (const QuadricRecord& record : part.quadrics)
+    if (can_be_sampled(emissions, record.light)) ranges[record.light].count = 1;
+  std::uint32_t total = 0;
+  for (PrimitiveRange& range : ranges) {
+    range.first = total;
+    total += range.count;
+  }
+  return ranges;
 }
 
 std::vector<float> power_factors(const Part& part, std::span<const Emission> emissions, std::span<const PrimitiveRange> ranges, std::uint32_t total) {

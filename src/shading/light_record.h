@@ -20,7 +20,7 @@ enum class EmitterKind : std::uint8_t {
   distant,
   infinite,
   triangle,
-  parallelogram,  // by area
+  parallelogram,  // by area, or as it is seen (light_flat.cpp)
   disk,           // whole, also elliptic: by area
   sphere,         // whole, not distorted: by the visible cone
   sphere_part,    // clipped or distorted: by the visible cone of the whole sphere in object space
@@ -34,11 +34,13 @@ struct LightMap;
 struct Emitter {
   EmitterKind kind = EmitterKind::point;
   bool two_sided = false;
+  bool rectangle = false;   // of a parallelogram
   bool outward = true;      // sphere: the outside emits
   bool invisible = false;   // no ray finds it
   bool weighed = false;     // see Emission; else samples of an invisible one have all of the weight
   std::uint32_t index = 0;  // of its spot cone, map, infinite light or quadric
   std::uint32_t picture = kNone;  // of a triangle: its number among those of the lights; `radiance` is the mean then
+  // From here to area_pdf flats_of() takes the numbers at once.
   Rgb radiance{0};          // or intensity
   Vec3 position{};          // or centre, or corner
   Vec3 edge0{}, edge1{};    // of triangles and parallelograms; a disk's half axes
@@ -106,7 +108,7 @@ inline float average(const Rgb& c) { return (c.x + c.y + c.z) * (1.f / 3.f); }
 // One density for all of a scene's emitters with a point on them: from area to solid angle; 0 seen
 // edge-on.
 template <class F>
-F solid_angle_pdf(float area_pdf, F distance2, F cosine) {
+F solid_angle_pdf(F area_pdf, F distance2, F cosine) {
   return lanes::select(cosine > 1e-7f, area_pdf * distance2 / cosine, F(0.f));
 }
 
@@ -123,6 +125,9 @@ inline bool can_be_sampled(std::span<const Emission> emissions, std::uint32_t li
   return light < emissions.size() && !emissions[light].only_seen;
 }
 
+// Of each emissive shape; without primitives where it cannot be sampled.
+std::vector<PrimitiveRange> primitive_ranges(const Part& part, std::span<const Emission> emissions);
+
 // By which factor each primitive of a light with a power shines; `ranges` of each emissive shape. Primitives of 0 area do
 // not. As in pbrt-v4 the area is that of a quadric in its object space, of a triangle in the world's, and of a bilinear
 // patch all that its triangles have.
@@ -135,6 +140,7 @@ std::vector<Emission> read_emissions(const SceneDescription& scene, std::span<co
 struct EmitterAndBounds {
   Emitter emitter;
   EmitterBounds bounds;
+  EmitterPoints points;
 };
 
 // LightSource directives; each looks up all parameters of its kind. Nothing for a light that gives
@@ -158,11 +164,23 @@ std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, 
                                           const Rgb& radiance, bool two_sided);
 // Two triangles that share an edge and together are a parallelogram: most rectangular lights are given so.
 bool parallelogram(const std::array<Vec3, 3>& a, const std::array<Vec3, 3>& b, Vec3& corner, Vec3& edge0, Vec3& edge1);
-template <class F>
-MaskOf<F> sample_flat(const Emitter& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out);
-inline float flat_pdf(const Emitter& e, const Vec3& direction, float t) {
-  return solid_angle_pdf(e.area_pdf, t * t, std::fabs(glm::dot(e.axis, direction)));
+inline bool is_flat(const Emitter& e) {
+  return e.kind == EmitterKind::triangle || e.kind == EmitterKind::parallelogram || e.kind == EmitterKind::disk;
 }
+// Flat emitters as they are sampled: one, the same for eight points, or one for each.
+template <class F>
+struct FlatOf {
+  Vec3Of<F> radiance, position, edge0, edge1, axis;
+  F area_pdf;
+  MaskOf<F> two_sided, triangle, disk, by_solid_angle;  // the last: where it is seen large
+};
+template <class F>
+FlatOf<F> flat_of(const Emitter& e);
+FlatOf<Float8> flats_of(const std::array<const Emitter*, kLanes>& emitters);
+template <class F>
+MaskOf<F> sample_flat(const FlatOf<F>& e, const Vec3Of<F>& p, const Vec2Of<F>& u, LightSampleOf<F>& out);
+// By solid angle, of a point of it at the distance t.
+float flat_pdf(const Emitter& e, const Vec3& p, const Vec3& direction, float t);
 
 // Nothing for kinds that cannot be sampled.
 std::optional<EmitterAndBounds> make_quadric(const Quadric& q, bool flip, const Rgb& radiance,

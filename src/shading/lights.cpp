@@ -23,12 +23,12 @@ class SceneLights final : public Lights {
     for (const LightDesc& desc : scene.lights) add_light(desc, scene.dialect, warnings, read_maps);
     emissions_ = read_emissions(scene, shape_lights, warnings, read_maps);
     emits_ = std::ranges::any_of(emissions_, [](const Emission& e) { return !is_black(e.radiance); });
-    ranges_.resize(emissions_.size());
     is_mesh_.resize(emissions_.size());
     add_shapes(part, scene.dialect, is_of_v4(scene));
-    choice_ = LightChoice(bounds_);
+    choice_ = LightChoice(bounds_, points_);
     rays_ = LightRays({emitters_, spots_, maps_, quadrics_, infinite_, pictures_}, bounds);
     bounds_ = {};
+    points_ = {};
   }
 
   bool empty() const override { return emitters_.empty() && !emits_; }
@@ -68,17 +68,27 @@ class SceneLights final : public Lights {
     std::array<std::int64_t, kLanes> chosen;
     Float8 chance(1.f);
     choice_.sample(active, p, n, u_light, chosen, chance);
-    // Each round takes the lanes that ask one emitter.
+    // Each round takes the lanes that ask one emitter, or all that ask flat ones.
+    const auto flat = [&](std::int64_t number) { return number >= 0 && is_flat(emitters_[static_cast<std::size_t>(number)]); };
     for (std::uint32_t left = lanes::to_bits(active); left;) {
       const std::int64_t number = chosen[static_cast<std::size_t>(std::countr_zero(left))];
-      std::uint32_t round = 0;
-      for (std::size_t i = 0; i < kLanes; ++i) round |= static_cast<std::uint32_t>(left >> i & 1u && chosen[i] == number) << i;
+      const bool flats = flat(number);
+      std::uint32_t round = 0, same = 0;
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        if (!(left >> i & 1u)) continue;
+        same |= static_cast<std::uint32_t>(chosen[i] == number) << i;
+        round |= static_cast<std::uint32_t>(chosen[i] == number || (flats && flat(chosen[i]))) << i;
+      }
       left &= ~round;
       if (number < 0) continue;
       const Mask8 asking = lanes::from_mask_bits(round);
-      if (round == lanes::to_bits(active)) return asking && sample_eight(asking, static_cast<std::size_t>(number), chance, p, n, u, out);
+      const auto ask = [&](LightSample8& to) {
+        return asking && (round == same ? sample_eight(asking, static_cast<std::size_t>(number), chance, p, n, u, to)
+                                        : sample_flats(round, chosen, chance, p, u, to));
+      };
+      if (round == lanes::to_bits(active)) return ask(out);
       LightSample8 own;
-      found = found || (asking && sample_eight(asking, static_cast<std::size_t>(number), chance, p, n, u, own));
+      found = found || ask(own);
       out.wi = lanes::select(asking, own.wi, out.wi);
       out.distance = lanes::select(asking, own.distance, out.distance);
       out.radiance = lanes::select(asking, own.radiance, out.radiance);
@@ -154,7 +164,7 @@ class SceneLights final : public Lights {
       case EmitterKind::triangle:
       case EmitterKind::parallelogram:
       case EmitterKind::disk:
-        return flat_pdf(e, direction, t);
+        return flat_pdf(e, p, direction, t);
       case EmitterKind::sphere_part:
         return sphere_part_pdf(quadrics_[e.index], p, direction);
       case EmitterKind::quadric:
@@ -218,15 +228,45 @@ class SceneLights final : public Lights {
       out.radiance = all_infinite<F>(found, p, n, out.wi, out.pdf);
     out.weight_pdf = weighs_alone(e) ? own_pdf : out.pdf;
     if (e.invisible && !e.weighed) out.delta = MaskOf<F>(true);
-    if (e.picture != kNone)
+    add_of_point(found, [number](std::size_t) { return number; }, p, out);
+    return found && out.pdf > 0.f && out.pdf < kInfinity;
+  }
+
+  // The same for flat emitters, one for each of the lanes `asking`.
+  Mask8 sample_flats(std::uint32_t asking, const std::array<std::int64_t, kLanes>& chosen, Float8 chance, const Vec3x8& p, const Vec2x8& u,
+                     LightSample8& out) const {
+    const auto any = static_cast<std::size_t>(std::countr_zero(asking));
+    const auto number = [&](std::size_t i) { return static_cast<std::size_t>(chosen[asking >> i & 1u ? i : any]); };
+    std::array<const Emitter*, kLanes> emitters;
+    std::uint32_t alone = 0, hidden = 0;
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const Emitter& e = emitters_[number(i)];
+      emitters[i] = &e;
+      alone |= static_cast<std::uint32_t>(weighs_alone(e)) << i;
+      hidden |= static_cast<std::uint32_t>(e.invisible && !e.weighed) << i;
+    }
+    const Mask8 found = sample_flat<Float8>(flats_of(emitters), p, u, out);
+    const Float8 own_pdf = out.pdf;
+    out.pdf *= chance;
+    out.weight_pdf = lanes::select(lanes::from_mask_bits(alone), own_pdf, out.pdf);
+    out.delta = lanes::from_mask_bits(hidden);
+    add_of_point(found && lanes::from_mask_bits(asking), number, p, out);
+    return found && out.pdf > 0.f && out.pdf < kInfinity;
+  }
+
+  // What depends on the emitter's point that has been found; `number` says the emitter of a lane.
+  template <class F, class Number>
+  void add_of_point(MaskOf<F> found, const Number& number, const Vec3Of<F>& p, LightSampleOf<F>& out) const {
+    if (!pictures_.empty())
       lanes::for_each(found, [&](std::size_t i) {
-        lanes::put(out.radiance, i, pictures_[e.picture].radiance(lanes::get(p, i) + lanes::get(out.wi, i) * lanes::get(out.distance, i)));
+        const std::uint32_t picture = emitters_[number(i)].picture;
+        if (picture == kNone) return;
+        lanes::put(out.radiance, i, pictures_[picture].radiance(lanes::get(p, i) + lanes::get(out.wi, i) * lanes::get(out.distance, i)));
       });
     if (wants_emission_)
       lanes::for_each(found, [&](std::size_t i) {
-        lanes::put(out.emission, i, rays_.emission(static_cast<std::uint32_t>(number), lanes::get(p, i), lanes::get(out.wi, i), lanes::get(out.distance, i)));
+        lanes::put(out.emission, i, rays_.emission(static_cast<std::uint32_t>(number(i)), lanes::get(p, i), lanes::get(out.wi, i), lanes::get(out.distance, i)));
       });
-    return found && out.pdf > 0.f && out.pdf < kInfinity;
   }
 
   template <class F>
@@ -238,7 +278,7 @@ class SceneLights final : public Lights {
       case EmitterKind::triangle:
       case EmitterKind::parallelogram:
       case EmitterKind::disk:
-        return sample_flat<F>(e, p, u, out);
+        return sample_flat<F>(flat_of<F>(e), p, u, out);
       case EmitterKind::point:
         return sample_point<F>(e, p, out);
       case EmitterKind::spot:
@@ -304,6 +344,7 @@ class SceneLights final : public Lights {
   std::uint32_t add(const EmitterAndBounds& e) {
     emitters_.push_back(e.emitter);
     bounds_.push_back(e.bounds);
+    points_.push_back(e.points);
     return static_cast<std::uint32_t>(emitters_.size() - 1);
   }
 
@@ -349,21 +390,11 @@ class SceneLights final : public Lights {
 
   void add_shapes(const Part& part, Dialect dialect, bool v4) {
     for (const MeshChunk& chunk : part.chunks)
-      if (shines(chunk.light)) {
-        reserve(chunk, part);
-        is_mesh_[chunk.light] = true;
-      }
-    for (const QuadricRecord& record : part.quadrics)
-      if (shines(record.light)) ranges_[record.light].count = 1;
-    std::uint32_t total = 0;
-    for (PrimitiveRange& range : ranges_) {
-      range.first = total;
-      total += range.count;
-    }
+      if (shines(chunk.light)) is_mesh_[chunk.light] = true;
+    ranges_ = primitive_ranges(part, emissions_);
+    const std::uint32_t total = ranges_.empty() ? 0 : ranges_.back().first + ranges_.back().count;
     by_primitive_.assign(total, kNone);
-    if (std::any_of(emissions_.begin(), emissions_.end(), [](const Emission& e) { return e.power > 0.f; })) {
-      powers_ = power_factors(part, emissions_, ranges_, total);
-    }
+    if (std::ranges::any_of(emissions_, [](const Emission& e) { return e.power > 0.f; })) powers_ = power_factors(part, emissions_, ranges_, total);
     // In pbrt-v4 a texture that makes holes makes the light unfit for sampling by area; rays that hit it count in full. Before it
     // samples know nothing of holes.
     const auto by_area = [&](std::uint32_t alpha, const Emission& e) { return alpha == kNone || e.invisible || !v4; };
@@ -393,27 +424,16 @@ class SceneLights final : public Lights {
     return i < range.count ? powers_[range.first + i] : 0.f;
   }
 
-  void reserve(const MeshChunk& chunk, const Part& part) {
-    PrimitiveRange& range = ranges_[chunk.light];
-    for (std::uint32_t i = 0; i < chunk.triangle_count; ++i)
-      range.count =
-          std::max(range.count, part.source_primitive(chunk, chunk.first_triangle + i) + 1);
-  }
-
   void add_mesh(const MeshChunk& chunk, const Part& part, Dialect dialect) {
     const Emission& emission = emissions_[chunk.light];
     if (!(average(emission.radiance) > 0.f)) return;
-    const auto slot = [&](std::uint32_t i) -> std::uint32_t& {
-      return by_primitive_[ranges_[chunk.light].first +
-                           part.source_primitive(chunk, chunk.first_triangle + i)];
-    };
+    const auto primitive = [&](std::uint32_t i) { return part.source_primitive(chunk, chunk.first_triangle + i); };
+    const auto slot = [&](std::uint32_t i) -> std::uint32_t& { return by_primitive_[ranges_[chunk.light].first + primitive(i)]; };
     const auto radiance = [&](std::uint32_t i) {
       if (!(emission.power > 0.f)) return emission.radiance;
-      return emission.radiance * power_factor(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i));
+      return emission.radiance * power_factor(chunk.light, primitive(i));
     };
-    const auto normal = [&](const TriangleVertices& t) {
-      return triangle_point(t, chunk.flip != 0, dialect, 1.f / 3.f, 1.f / 3.f, false).ng;
-    };
+    const auto normal = [&](const TriangleVertices& t) { return triangle_point(t, chunk.flip != 0, dialect, 1.f / 3.f, 1.f / 3.f, false).ng; };
     for (std::uint32_t i = 0; i < chunk.triangle_count; ++i) {
       const TriangleVertices a = vertices_of(part, chunk, chunk.first_triangle + i);
       const Vec3 n = normal(a);
@@ -435,7 +455,7 @@ class SceneLights final : public Lights {
         made->emitter.hide(emission);
         if (emission.picture) {
           made->emitter.picture = static_cast<std::uint32_t>(pictures_.size());
-          const float power = emission.power > 0.f ? power_factor(chunk.light, part.source_primitive(chunk, chunk.first_triangle + i)) : 1.f;
+          const float power = emission.power > 0.f ? power_factor(chunk.light, primitive(i)) : 1.f;
           const std::array<Vec2, 3> plain{Vec2(0, 0), Vec2(1, 0), Vec2(1, 1)};
           pictures_.push_back(make_picture(emission, power, a.p, a.has_uvs ? a.uv : plain));
         }
@@ -446,6 +466,7 @@ class SceneLights final : public Lights {
 
   std::vector<Emitter> emitters_;
   std::vector<EmitterBounds> bounds_;  // only while building
+  std::vector<EmitterPoints> points_;  // likewise
   LightChoice choice_;
   LightRays rays_;
   std::vector<SpotCone> spots_;
