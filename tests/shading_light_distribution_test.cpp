@@ -200,6 +200,18 @@ TEST(LightDistributions, Rectangles) {
   }
 }
 
+TEST(LightDistributions, RectanglesOfAllSizesAreAlike) {
+  float pdf = 0;
+  for (const float scale : {1.f, 0x1p-38f, 0x1p30f}) {
+    std::vector<Vec3> v = {{-1, -2, 2}, {-1, 2, 2}, {1, 2, 2}, {1, -2, 2}};
+    for (Vec3& x : v) x *= scale;
+    LightSample s;
+    ASSERT_TRUE(Scene().mesh(v, kTwoTriangles, Rgb(1)).build()->sample(scale * Vec3(0.3f, 0.2f, 1), Vec3(0, 0, 1), 0, {0.3f, 0.6f}, s)) << scale;
+    if (scale == 1) pdf = s.pdf;
+    EXPECT_EQ(s.pdf, pdf) << scale;
+  }
+}
+
 TEST(LightDistributions, ParallelogramDensityFitsItsSamples) {
   const auto lights =
       Scene().mesh({{-2, -1, 1}, {1, -1, 2}, {2, 1, 2}, {-1, 1, 1}}, kTwoTriangles, Rgb(1)).build();

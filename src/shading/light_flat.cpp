@@ -10,27 +10,26 @@ namespace cloudrenderer {
 namespace {
 
 // A rectangle as it is seen from a point (Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
-// Rectangles"): coordinates along its edges from the foot of the point's perpendicular.
+// Rectangles"): coordinates along its edges from the foot of the point's perpendicular, whose length is 1.
 template <class F>
 struct RectangleView {
-  F length0, length1, x0, y0, x1, y1, height;
+  F length0, length1, x0, y0, x1, y1;
   F solid_angle = 0, begin = 0;  // the angle that sampling starts at
   MaskOf<F> wide;                // as large and as far from its plane as single precision wants it; else it is not to be used
 
   RectangleView(const FlatOf<F>& e, const Vec3Of<F>& p) {
     using lanes::sqrt, lanes::max, lanes::abs;
     const Vec3Of<F> d = e.position - p;
-    length0 = sqrt(glm::dot(e.edge0, e.edge0));
-    length1 = sqrt(glm::dot(e.edge1, e.edge1));
-    x0 = glm::dot(d, e.edge0) / length0;
-    y0 = glm::dot(d, e.edge1) / length1;
-    height = abs(glm::dot(d, e.axis));
+    const F edge0 = sqrt(glm::dot(e.edge0, e.edge0)), edge1 = sqrt(glm::dot(e.edge1, e.edge1)), scale = 1.f / abs(glm::dot(d, e.axis));
+    length0 = edge0 * scale;
+    length1 = edge1 * scale;
+    x0 = glm::dot(d, e.edge0) / edge0 * scale;
+    y0 = glm::dot(d, e.edge1) / edge1 * scale;
     x1 = x0 + length0;
     y1 = y0 + length1;
-    const F xx0 = x0 * x0, yy0 = y0 * y0, xx1 = x1 * x1, yy1 = y1 * y1, zz = height * height;
-    const F x = x0 + 0.5f * length0, y = y0 + 0.5f * length1, far2 = x * x + y * y + zz;
-    wide = e.by_solid_angle && height * (length0 * length1) > kLeast * (far2 * sqrt(far2)) &&
-           kFlattest * zz > max(max(xx0, xx1), max(yy0, yy1));
+    const F xx0 = x0 * x0, yy0 = y0 * y0, xx1 = x1 * x1, yy1 = y1 * y1;
+    const F x = x0 + 0.5f * length0, y = y0 + 0.5f * length1, far2 = x * x + y * y + 1.f;
+    wide = e.by_solid_angle && length0 * length1 > kLeast * (far2 * sqrt(far2)) && max(max(xx0, xx1), max(yy0, yy1)) < kFarthest * kFarthest;
     if (!lanes::any(wide)) return;
     // The angles between the planes through the point and the edges. Not by arc cosines: of what is near 1 they would be of little use.
     // Two add up as the angles of complex numbers do.
@@ -38,21 +37,20 @@ struct RectangleView {
       const F angle = portable::atan2_near<F>(s0 * c1 + c0 * s1, c0 * c1 - s0 * s1);
       return lanes::select(angle < 0.f, angle + 2 * kPi, angle);
     };
-    begin = 2 * kPi - angle_of_both(height * sqrt(xx0 + yy1 + zz), y1 * x0, height * sqrt(xx0 + yy0 + zz), -x0 * y0);
-    solid_angle = angle_of_both(height * sqrt(xx1 + yy0 + zz), y0 * x1, height * sqrt(xx1 + yy1 + zz), -x1 * y1) - begin;
+    begin = 2 * kPi - angle_of_both(sqrt(xx0 + yy1 + 1.f), y1 * x0, sqrt(xx0 + yy0 + 1.f), -x0 * y0);
+    solid_angle = angle_of_both(sqrt(xx1 + yy0 + 1.f), y0 * x1, sqrt(xx1 + yy1 + 1.f), -x1 * y1) - begin;
   }
 
   // Fractions of both edges.
   Vec2Of<F> sample(const Vec2Of<F>& u) const {
     using lanes::sqrt, lanes::max, lanes::min, lanes::select;
-    const F zz = height * height;
     F s, c;
     portable::sincos_turn<F>(min((begin + u.x * solid_angle) * (0.5f / kPi), 1.f), s, c);
-    const F b0 = -y0 / sqrt(zz + y0 * y0), b1 = y1 / sqrt(zz + y1 * y1);
+    const F b0 = -y0 / sqrt(1.f + y0 * y0), b1 = y1 / sqrt(1.f + y1 * y1);
     const F f = (c * b0 - b1) / s;
-    const F away = sqrt(zz / max(f * f + b0 * b0 - 1.f, 1e-12f)), x = select(f < 0.f, -away, away) - x0;
+    const F away = 1.f / sqrt(max(f * f + b0 * b0 - 1.f, 1e-12f)), x = select(f < 0.f, -away, away) - x0;
     const F along0 = select(x > 0.f, min(x, length0), F(0.f));  // NaN becomes 0
-    const F xx = x0 + along0, d2 = xx * xx + zz;
+    const F xx = x0 + along0, d2 = xx * xx + 1.f;
     const F h0 = y0 / sqrt(d2 + y0 * y0), h1 = y1 / sqrt(d2 + y1 * y1), h = h0 + u.y * (h1 - h0);
     const F y = h * sqrt(d2 / max(1.f - h * h, 1e-12f)) - y0;
     const F along1 = select(y > 0.f, min(y, length1), F(0.f));
@@ -60,8 +58,8 @@ struct RectangleView {
   }
 
  private:
-  static constexpr float kLeast = 0.05f;       // of the solid angle, about: smaller ones would be sums that cancel
-  static constexpr float kFlattest = 50 * 50;  // the farthest coordinate over the height, squared
+  static constexpr float kLeast = 0.05f;   // of the solid angle, about: smaller ones would be sums that cancel
+  static constexpr float kFarthest = 50;   // coordinate
 };
 
 // pbrt-v2's weights, which count where `weighed`, are those of areas.
