@@ -165,6 +165,9 @@ TEST(Lights, EightPointsGetTheBitsOfEach) {
   scenes[8].mesh(corners, kTwoTriangles, {1, 2, 3}).mesh(corners, {{0, 2, 1}}, {3, 2, 1}).quadric(disk, Rgb(4));
   scenes[8].mesh({{5, 0, 0}, {5, 0.2f, 0}, {5, 0.2f, 0.1f}, {5, 0, 0.1f}}, kTwoTriangles, Rgb(50));
   scenes[8].mesh({{-4, -1, 0}, {-4, 1, 0}, {-4, 1, 2}, {-4, 0.5f, 3}}, kTwoTriangles, Rgb(5), {boolean("twosided", true)});
+  const std::vector<Vec3> low = {{1, -3, 1}, {2, -3, 1}, {2, -2, 1}, {1, -2, 1}};
+  scenes[8].mesh(low, kTwoTriangles, Rgb(7), {boolean("invisible", true)});
+  scenes[8].mesh(low, kTwoTriangles, Rgb(9), {boolean("invisible", true), boolean("weighed", true)});
   Uniform u;
   int found = 0;
   for (std::size_t number = 0; number < scenes.size(); ++number) {
