@@ -10,7 +10,8 @@ namespace {
 using namespace bsdf;
 using testing::BsdfCase;
 
-// D G / (4 cos cos) and the density of visible normals' reflections, in double (Trowbridge and Reitz; Heitz 2014, 2018).
+// D G / (4 cos cos) and the density of visible normals' reflections, D G1 / (4 cos), in double (Heitz 2014, 2018; of V-grooves Heitz and
+// d'Eon 2014).
 struct Exact {
   double value, pdf;
 };
@@ -24,8 +25,9 @@ Exact trowbridge_reitz_exact(double ax, double ay, const glm::dvec3& wo, const g
 Exact blinn_exact(double e, const glm::dvec3& wo, const glm::dvec3& wi) {
   const glm::dvec3 h = glm::normalize(wo + wi);
   const double d = (e + 2) / (2 * kPiDouble) * std::pow(std::fabs(h.z), e), dot = glm::length(wo + wi) / 2;
-  const double co = std::fabs(wo.z), ci = std::fabs(wi.z), g = std::min(1.0, 2 * std::fabs(h.z) * std::min(co, ci) / dot);
-  return {d * g / (4 * co * ci), d * std::fabs(h.z) / (4 * dot)};
+  const double co = std::fabs(wo.z), ci = std::fabs(wi.z);
+  const auto masking = [&](double c) { return std::min(1.0, 2 * std::fabs(h.z) * c / dot); };
+  return {d * masking(std::min(co, ci)) / (4 * co * ci), d * masking(co) / (4 * co)};
 }
 
 // At sampled directions, where what rounds is what matters. A half vector known to 2^-23 moves the density of a lobe of
