@@ -125,7 +125,7 @@ TEST(LightChoice, NearLightsAreChosenMoreOften) {
   EXPECT_GT(near, 700) << "three of a hundred lights";
 }
 
-// Two lamps as large and as far away, one of which turns its edge to the surface: by their middles and radii they are alike.
+// Of two lamps the nearer one turns its edge to the surface. By their middles and radii it would get nearly all.
 TEST(LightChoice, FlatLightsAreWeighedByWhatTheirPointsGive) {
   std::vector<EmitterBounds> both(2);
   std::vector<EmitterPoints> points(2);

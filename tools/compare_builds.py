@@ -3,7 +3,7 @@
 and then change places, so that what else the machine does meets both alike: differences of a hundredth show in a minute.
 Prints the ratios of their processor times (median and range), and exits 1 if the pictures differ.
     --truth-spp 1024    for builds that are to differ: each pair of runs has a seed of its own, and their trimmed relMSEs against a
-                        picture by `after` of so many samples are told, too (means); never exits 1"""
+                        picture by `after` of so many samples are told, too (means); that they differ is no failure then"""
 import argparse
 import json
 import os

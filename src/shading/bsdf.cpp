@@ -283,7 +283,7 @@ bool eight_wide(const Lobe& l) {
 }
 
 template <class F>
-Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, F& pdf) const {
+Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, F& pdf, Normals normals) const {
   pdf = 0.f;
   Vector f(F(0.f));
   const F co = lanes::abs(wo.z), ci = lanes::abs(wi.z);
@@ -313,14 +313,14 @@ Vec3Of<F> BsdfOf<F>::evaluate(const Vector& wo, const Vector& wi, Mask reflect, 
         const Half<F> h = l.transmits ? half_of<F>(wo, w) : half;
         if (!lanes::any(h.valid)) break;
         F p;
-        const F v = reflect_by_normals(l, wo, w, h, normals_, p);
+        const F v = reflect_by_normals(l, wo, w, h, normals, p);
         add(counts && h.valid, l.scale * fresnel<F>(l, h.dot, h.wh.z > 0.f) * v, sampled && h.valid, chance.weight * p);
         break;
       }
       case LobeKind::fresnel_blend: {
         if (!lanes::any(half.valid)) break;
         F p;
-        const Vector value = fresnel_blend_value(l, chance.mix, wo, wi, half, normals_, p);
+        const Vector value = fresnel_blend_value(l, chance.mix, wo, wi, half, normals, p);
         add(reflect && half.valid, value, same && half.valid, chance.weight * p);
         break;
       }
@@ -380,11 +380,12 @@ F BsdfOf<F>::pdf(const Vector& wo, const Vector& wi) const {
 template <class F>
 F BsdfOf<F>::even_pdf(const Vector& wo, const Vector& wi) const {
   BsdfOf even = *this;
-  even.normals_ = Normals::all;
   float smooth = 0.f;
   for (int i = 0; i < count_; ++i) smooth += lobe(i).kind < LobeKind::specular_reflection ? 1.f : 0.f;
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) even.chance_[i] = {F(1.f / smooth), F(0.5f)};
-  return even.pdf(wo, wi);
+  F density;
+  even.evaluate(frame_.to_local(wo), frame_.to_local(wi), Mask(true), density, Normals::all);
+  return density;
 }
 
 template <class F>

@@ -164,7 +164,6 @@ class BsdfOf {
     count_ = b.count_;
     smooth_ = b.smooth_;
     half_ = b.half_;
-    normals_ = b.normals_;
     salt_ = b.salt_;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
       lobes_[i] = b.lobes_[i];
@@ -174,14 +173,13 @@ class BsdfOf {
   // What sample() says of the directions wi (local) that smooth lobes have given where `found`.
   Mask complete(const Vector& wo_world, const Vector& wo, const Vector& wi, Mask found, BsdfSampleOf<F>& out) const;
   // Sum of the smooth lobes without the cosine, and their density, for local directions.
-  Vector evaluate(const Vector& wo, const Vector& wi, Mask reflect, F& pdf) const;
+  Vector evaluate(const Vector& wo, const Vector& wi, Mask reflect, F& pdf, Normals normals = Normals::visible) const;
 
   FrameOf<F> frame_;
   Vector ng_{0, 0, 1};
   int count_ = 0;
   bool smooth_ = false;  // some lobe is not specular
   bool half_ = false;    // some lobe wants the half vector
-  Normals normals_ = Normals::visible;
   std::uint32_t salt_ = 0;
   std::array<Chance, kMaxLobes> chance_;
   std::array<LobeOf<F>, kMaxLobes> lobes_;

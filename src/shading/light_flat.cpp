@@ -62,9 +62,6 @@ struct RectangleView {
   static constexpr float kFarthest = 50;   // coordinate
 };
 
-// pbrt-v2's weights, which count where `weighed`, are those of areas.
-bool by_solid_angle(const Emitter& e) { return e.rectangle && !e.weighed; }
-
 }  // namespace
 
 std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, const Vec3& edge0,
@@ -83,8 +80,8 @@ std::optional<EmitterAndBounds> make_flat(EmitterKind kind, const Vec3& corner, 
   e.edge1 = edge1;
   e.axis = normal;
   e.area_pdf = 1.f / area;
-  e.rectangle = kind == EmitterKind::parallelogram &&
-                std::fabs(glm::dot(edge0, edge1)) <= 1e-5f * glm::length(edge0) * glm::length(edge1);
+  e.by_solid_angle = kind == EmitterKind::parallelogram &&
+                     std::fabs(glm::dot(edge0, edge1)) <= 1e-5f * glm::length(edge0) * glm::length(edge1);
 
   EmitterBounds& b = out.bounds;
   b.shape = two_sided ? EmitterShape::planar_two_sided : EmitterShape::planar;
@@ -134,7 +131,7 @@ FlatOf<F> flat_of(const Emitter& e) {
   using V = Vec3Of<F>;
   using M = MaskOf<F>;
   return {V(e.radiance), V(e.position), V(e.edge0), V(e.edge1), V(e.axis), e.area_pdf, M(e.two_sided), M(e.kind == EmitterKind::triangle),
-          M(e.kind == EmitterKind::disk), M(by_solid_angle(e))};
+          M(e.kind == EmitterKind::disk), M(e.by_solid_angle)};
 }
 
 FlatOf<Float8> flats_of(const std::array<const Emitter*, kLanes>& emitters) {
@@ -149,7 +146,7 @@ FlatOf<Float8> flats_of(const std::array<const Emitter*, kLanes>& emitters) {
     two_sided |= bit(e.two_sided);
     triangle |= bit(e.kind == EmitterKind::triangle);
     disk |= bit(e.kind == EmitterKind::disk);
-    wide |= bit(by_solid_angle(e));
+    wide |= bit(e.by_solid_angle);
   }
   const auto a = lanes::gather<8>(first), b = lanes::gather<8>(second);
   const auto mask = [](std::uint32_t bits) { return lanes::from_mask_bits(bits); };
@@ -186,7 +183,7 @@ MaskOf<F> sample_flat(const FlatOf<F>& e, const Vec3Of<F>& p, const Vec2Of<F>& u
 }
 
 float flat_pdf(const Emitter& e, const Vec3& p, const Vec3& direction, float t) {
-  if (by_solid_angle(e))
+  if (e.by_solid_angle)
     if (const RectangleView<float> view(flat_of<float>(e), p); view.wide) return 1.f / view.solid_angle;
   return solid_angle_pdf(e.area_pdf, t * t, std::fabs(glm::dot(e.axis, direction)));
 }

@@ -34,7 +34,7 @@ struct LightMap;
 struct Emitter {
   EmitterKind kind = EmitterKind::point;
   bool two_sided = false;
-  bool rectangle = false;   // of a parallelogram
+  bool by_solid_angle = false;  // where it is seen large: a rectangle whose light does not depend on the density
   bool outward = true;      // sphere: the outside emits
   bool invisible = false;   // no ray finds it
   bool weighed = false;     // see Emission; else samples of an invisible one have all of the weight

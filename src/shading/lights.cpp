@@ -445,7 +445,7 @@ class SceneLights final : public Lights {
         if (!alone && parallelogram(a.p, b.p, corner, edge0, edge1) && glm::dot(n, normal(b)) > 0.9999f) {
           if (auto made = make_flat(EmitterKind::parallelogram, corner, edge0, edge1, n, radiance(i), emission.two_sided)) {
             made->emitter.hide(emission);
-            if (chunk.alpha_texture != kNone) made->emitter.rectangle = false;  // what shines by its holes depends on pbrt's density
+            made->emitter.by_solid_angle &= chunk.alpha_texture == kNone && !emission.weighed;  // else pbrt's density shows
             slot(i) = slot(i + 1) = add(*made);
             ++i;
             continue;
